@@ -1,0 +1,79 @@
+"""Photographs in, view-dependent image-based 3-D assets out, rendered on an ordinary CPU, with the error measured."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ibrpipe.errors import IbrError
+from ibrpipe.version import VERSION as __version__
+
+if TYPE_CHECKING:
+    from ibrpipe.io.assets import read_asset, write_asset
+    from ibrpipe.io.captures import read_capture
+    from ibrpipe.renderers.api import Prepared, prepare, render, renderers
+    from ibrpipe.types import (
+        Asset,
+        Camera,
+        DepthImage,
+        Frame,
+        LayeredDepthImage,
+        ParallelFrame,
+        ReliefTexture,
+        SpiralResiduals,
+        SpiralTexture,
+    )
+
+_HOME = {
+    "Asset": "types",
+    "Camera": "types",
+    "DepthImage": "types",
+    "Frame": "types",
+    "LayeredDepthImage": "types",
+    "ParallelFrame": "types",
+    "ReliefTexture": "types",
+    "SpiralResiduals": "types",
+    "SpiralTexture": "types",
+    "Prepared": "renderers.api",
+    "prepare": "renderers.api",
+    "read_asset": "io.assets",
+    "read_capture": "io.captures",
+    "render": "renderers.api",
+    "renderers": "renderers.api",
+    "write_asset": "io.assets",
+}
+
+__all__ = [
+    "Asset",
+    "Camera",
+    "DepthImage",
+    "Frame",
+    "IbrError",
+    "LayeredDepthImage",
+    "ParallelFrame",
+    "Prepared",
+    "ReliefTexture",
+    "SpiralResiduals",
+    "SpiralTexture",
+    "__version__",
+    "prepare",
+    "read_asset",
+    "read_capture",
+    "render",
+    "renderers",
+    "write_asset",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use, so that ``import ibrpipe`` and ``ibrpipe --help`` stay instant."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'ibrpipe' has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(f"ibrpipe.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

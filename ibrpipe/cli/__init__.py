@@ -1,0 +1,1 @@
+"""Command line: glue between click and the stages."""

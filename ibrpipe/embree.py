@@ -1,0 +1,106 @@
+"""Rays against a triangle mesh by Embree, through Open3D."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.errors import ResourceError
+from ibrpipe.types import Array, Camera, Mesh
+
+
+def import_open3d() -> Any:
+    """Import Open3D, helping it to the libusb that its binary asks for.
+
+    Raises
+    ------
+    ResourceError
+        A system library is missing; the message says what to type.
+    """
+    try:
+        import open3d
+    except (ImportError, OSError) as first:
+        try:
+            _load_libusb()
+            import open3d
+        except (ImportError, OSError) as second:
+            raise ResourceError(
+                f"Open3D does not load ({second or first}); on Debian or Ubuntu type: "
+                "sudo apt-get install -y libusb-1.0-0 libgl1 libegl1 libx11-6 libgomp1"
+            ) from second
+    return open3d
+
+
+def _load_libusb() -> None:
+    """Load the libusb of the package libusb-package under the name that Open3D's loader looks for."""
+    import ctypes
+
+    import libusb_package
+
+    ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Nearest hits of N rays: `t` (N,) float32 (+inf = none), `normal` (N, 3) float32 unit, `face` (N,) int32."""
+
+    t: Array
+    normal: Array
+    face: Array
+
+
+class MeshCaster:
+    """A mesh prepared for ray casting.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    threads : int
+        0 = all.
+    """
+
+    def __init__(self, mesh: Mesh, threads: int = 0) -> None:
+        self._o3d = import_open3d()
+        self._threads = threads
+        self._shift = mesh.vertices.mean(axis=0)
+        self.mesh = mesh
+        self._scene = self._o3d.t.geometry.RaycastingScene(nthreads=threads)
+        vertices = np.ascontiguousarray(mesh.vertices - self._shift, dtype=np.float32)
+        faces = np.ascontiguousarray(mesh.faces, dtype=np.uint32)
+        self._scene.add_triangles(self._o3d.core.Tensor(vertices), self._o3d.core.Tensor(faces))
+
+    def _rays(self, origins: Array, directions: Array) -> Any:
+        start = np.broadcast_to(np.asarray(origins, np.float64) - self._shift, np.shape(directions))
+        return self._o3d.core.Tensor(np.concatenate([start, directions], axis=-1).astype(np.float32))
+
+    def cast(self, origins: Array, directions: Array) -> Hits:
+        """Cast rays given by (..., 3) world origins and directions; `t` is in lengths of the direction."""
+        found = self._scene.cast_rays(self._rays(origins, directions), nthreads=self._threads)
+        face = found["primitive_ids"].numpy()
+        missed = face == self._scene.INVALID_ID
+        return Hits(
+            found["t_hit"].numpy(),
+            found["primitive_normals"].numpy(),
+            np.where(missed, -1, face.astype(np.int64)).astype(np.int32),
+        )
+
+    def cast_all(self, origins: Array, directions: Array) -> tuple[Array, Array, Array]:
+        """Find every intersection of (N, 3) rays: (ray index (M,), t (M,) float32, face (M,)), by ray, t ascending."""
+        found = self._scene.list_intersections(self._rays(origins, directions), nthreads=self._threads)
+        ray = found["ray_ids"].numpy().astype(np.int64)
+        t, face = found["t_hit"].numpy(), found["primitive_ids"].numpy().astype(np.int64)
+        order = np.lexsort((t, ray))
+        return ray[order], t[order], face[order]
+
+    def cast_camera(self, camera: Camera) -> Hits:
+        """Cast one ray per pixel centre; `t` is then the depth along camera z, arrays are (H, W[, 3])."""
+        x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+        directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
+        return self.cast(camera.center, directions)
+
+    def occluded(self, origins: Array, directions: Array, near: float, far: float) -> Array:
+        """Say which (N, 3) rays meet the mesh between `near` and `far` (in lengths of the direction); (N,) bool."""
+        rays = self._rays(origins, directions)
+        return self._scene.test_occlusions(rays, tnear=near, tfar=far, nthreads=self._threads).numpy()

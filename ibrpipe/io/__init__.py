@@ -1,0 +1,1 @@
+"""Path to arrays and back: images, cameras, captures, meshes, layers, assets, manifests."""

@@ -1,0 +1,1 @@
+"""One stage, one module, one ``run(inputs, config) -> outputs``."""
