@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ibrpipe.core.normals import corner_normals, face_normals
 from ibrpipe.errors import ResourceError
 from ibrpipe.types import Array, Camera, Mesh
 
@@ -44,11 +46,20 @@ def _load_libusb() -> None:
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Nearest hits of N rays: `t` (N,) float32 (+inf = none), `normal` (N, 3) float32 unit, `face` (N,) int32."""
+    """Nearest hits of N rays.
+
+    Attributes
+    ----------
+    t : (N,) float32, in lengths of the ray's direction; +inf = none
+    normal : (N, 3) float32, unit, of the face; outward for counter-clockwise faces
+    face : (N,) int32, -1 = none
+    uv : (N, 2) float32, barycentric weights of the face's second and third corner
+    """
 
     t: Array
     normal: Array
     face: Array
+    uv: Array
 
 
 class MeshCaster:
@@ -84,15 +95,35 @@ class MeshCaster:
             found["t_hit"].numpy(),
             found["primitive_normals"].numpy(),
             np.where(missed, -1, face.astype(np.int64)).astype(np.int32),
+            found["primitive_uvs"].numpy(),
         )
 
-    def cast_all(self, origins: Array, directions: Array) -> tuple[Array, Array, Array]:
-        """Find every intersection of (N, 3) rays: (ray index (M,), t (M,) float32, face (M,)), by ray, t ascending."""
+    def cast_all(self, origins: Array, directions: Array) -> tuple[Array, Hits]:
+        """Find every intersection of (N, 3) rays: (ray index (M,) int64, hits), by ray, then t ascending."""
         found = self._scene.list_intersections(self._rays(origins, directions), nthreads=self._threads)
-        ray = found["ray_ids"].numpy().astype(np.int64)
-        t, face = found["t_hit"].numpy(), found["primitive_ids"].numpy().astype(np.int64)
+        ray, t = found["ray_ids"].numpy().astype(np.int64), found["t_hit"].numpy()
         order = np.lexsort((t, ray))
-        return ray[order], t[order], face[order]
+        face = found["primitive_ids"].numpy().astype(np.int32)[order]
+        return ray[order], Hits(t[order], self.flat_normals[face], face, found["primitive_uvs"].numpy()[order])
+
+    @cached_property
+    def flat_normals(self) -> Array:
+        """(F, 3) float32 unit normal of every face."""
+        normals = face_normals(self.mesh.vertices, self.mesh.faces)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        return (normals / np.where(lengths > 0, lengths, 1.0)).astype(np.float32)
+
+    @cached_property
+    def _corner_normals(self) -> Array:
+        return corner_normals(self.mesh.vertices, self.mesh.faces)
+
+    def smooth_normals(self, face: Array, uv: Array) -> Array:
+        """(N, 3) float32 unit normals interpolated over (N,) faces; creases stay sharp. Every face must be hit."""
+        corners = self._corner_normals[face]
+        blend = (
+            corners[:, 0] * (1 - uv.sum(axis=1, keepdims=True)) + corners[:, 1] * uv[:, :1] + corners[:, 2] * uv[:, 1:]
+        )
+        return blend / np.maximum(np.linalg.norm(blend, axis=1, keepdims=True), 1e-12)
 
     def cast_camera(self, camera: Camera) -> Hits:
         """Cast one ray per pixel centre; `t` is then the depth along camera z, arrays are (H, W[, 3])."""

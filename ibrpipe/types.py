@@ -318,10 +318,14 @@ class SpiralResiduals:
 
     Attributes
     ----------
+    rectangle : ParallelFrame
+        Its ``a`` and ``b`` are the *whole* edges of the support rectangle, orthogonal, and ``f`` is normal to both.
     k : float
         Spiral density: adjacent turns are 2 k pi apart.
+    alphas : (n,) float64
+        Spiral parameter of every image, ascending.
     directions : (n, 3) float64
-        Unit vectors in the rectangle's frame (a, b, -f, orthonormal), pointing away from the object.
+        Unit vectors in the rectangle's frame (along a, b, -f), pointing away from the object.
     sizes : (n, 2) int32
         Height and width of every image.
     starts : (n + 1,) int64
@@ -334,7 +338,9 @@ class SpiralResiduals:
         Code of a residual of nothing (uint8 texels only).
     """
 
+    rectangle: ParallelFrame
     k: float
+    alphas: Array
     directions: Array
     sizes: Array
     starts: Array
@@ -345,6 +351,9 @@ class SpiralResiduals:
     def __post_init__(self) -> None:
         if not 0 < self.k <= 1:
             raise ValueRangeError(f"k is {self.k}; it must lie in (0, 1]")
+        basis = self.rectangle.world_from_local / np.linalg.norm(self.rectangle.world_from_local, axis=0)
+        if np.abs(basis.T @ basis - np.eye(3)).max() > 1e-6:
+            raise ValueRangeError("the support rectangle of residuals must have right angles, f normal to it")
         n = len(self.directions)
         areas = np.asarray(self.sizes, np.int64).prod(axis=1) if n else np.zeros(0, np.int64)
         if np.shape(self.starts) != (n + 1,) or (np.diff(self.starts) != areas).any():

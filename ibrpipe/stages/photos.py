@@ -1,0 +1,121 @@
+"""All photos of a capture in one packed set, ready for the kernels that ask which photos see a point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrpipe.core.histogram import diffuse_colors
+from ibrpipe.core.photo_blend import blend_photos
+from ibrpipe.embree import MeshCaster
+from ibrpipe.errors import CaptureError
+from ibrpipe.io.views import View, load_view
+from ibrpipe.progress import track
+from ibrpipe.types import Array, Camera
+
+#: smallest cosine between surface normal and direction to a photo for the photo to count as seeing the surface
+COS_MIN = 0.12
+#: how far a photo's depth map may differ from a point's depth, in pixel footprints on the surface
+DEPTH_SLACK = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoSet:
+    """Packed photos: photo p owns pixels ``starts[p]`` to ``starts[p + 1]``, row-major.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+    projection : (P, 3, 4) float64, pixels from world
+    centers : (P, 3) float64, world
+    sizes : (P, 2) int32, height and width
+    starts : (P + 1,) int64
+    color : (T, 3) float32, linear light
+    depth : (T,) float32, of the mesh along camera z at pixel centres, +inf where the mesh is not hit
+    mask : (T,) float32, coverage 0 to 1
+    """
+
+    cameras: tuple[Camera, ...]
+    projection: Array
+    centers: Array
+    sizes: Array
+    starts: Array
+    color: Array
+    depth: Array
+    mask: Array
+
+    @property
+    def _arrays(self) -> tuple[Array, ...]:
+        return self.projection, self.centers, self.sizes, self.starts, self.color, self.depth, self.mask
+
+    def blend(self, points: Array, normals: Array, directions: Array) -> tuple[Array, Array]:
+        """Colour surface points as seen from `directions` by the best four photos (gong-yang, sec. 4.2).
+
+        Parameters
+        ----------
+        points : (N, 3) float64, world
+        normals : (N, 3) float32, unit, outward
+        directions : (N, 3) float64, unit, from the point toward the viewer
+
+        Returns
+        -------
+        color : (N, 3) float32, linear; NaN where no photo sees the point
+        count : (N,) int32, photos used, 0 to 4
+        """
+        color, count = np.empty((len(points), 3), np.float32), np.empty(len(points), np.int32)
+        points, normals = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(normals, np.float32)
+        directions = np.ascontiguousarray(directions, np.float64)
+        blend_photos(points, normals, directions, *self._arrays, COS_MIN, DEPTH_SLACK, color, count)
+        return color, count
+
+    def diffuse(self, points: Array, normals: Array, bins: int = 128, statistic: int = 0) -> tuple[Array, Array, Array]:
+        """Reduce what all photos show of surface points to diffuse colours (gong-yang, sec. 4.1).
+
+        Returns
+        -------
+        color : (N, 3) float32, linear; NaN where no photo sees the point
+        spread : (N,) float32, mean absolute deviation of the observations, in display code (0 to 1)
+        count : (N,) int32, photos used
+        """
+        color, spread = np.empty((len(points), 3), np.float32), np.empty(len(points), np.float32)
+        count = np.empty(len(points), np.int32)
+        points, normals = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(normals, np.float32)
+        top = max(1.0, 1.055 * float(self.color.max()) ** (1 / 2.4) - 0.055)
+        diffuse_colors(points, normals, *self._arrays, COS_MIN, DEPTH_SLACK, top, bins, statistic, color, spread, count)
+        return color, spread, count
+
+
+def load_photos(views: Sequence[View], caster: MeshCaster) -> PhotoSet:
+    """Load all photos and cast the mesh into each.
+
+    Memory is 20 bytes a pixel for all photos together (colour, depth, mask as float32).
+
+    Raises
+    ------
+    CaptureError
+        There are no photos.
+    """
+    if not views:
+        raise CaptureError("the capture has no training photos; give at least two")
+    cameras = tuple(view.camera for view in views)
+    sizes = np.array([(c.height, c.width) for c in cameras], np.int32)
+    starts = np.concatenate([[0], np.cumsum(sizes.astype(np.int64).prod(axis=1))])
+    color, depth = np.empty((starts[-1], 3), np.float32), np.empty(starts[-1], np.float32)
+    mask = np.empty(starts[-1], np.float32)
+    for p, view in enumerate(track(views, "photos")):
+        own = slice(starts[p], starts[p + 1])
+        pixels, coverage = load_view(view)
+        color[own], mask[own] = pixels.reshape(-1, 3), coverage.ravel()
+        depth[own] = caster.cast_camera(view.camera).t.ravel()
+    return PhotoSet(
+        cameras,
+        np.stack([c.K @ c.cam_from_world for c in cameras]),
+        np.stack([c.center for c in cameras]),
+        sizes,
+        starts,
+        color,
+        depth,
+        mask,
+    )
