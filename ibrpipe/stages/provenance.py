@@ -1,0 +1,155 @@
+"""What a result depends on besides its inputs (ibrpipe's own sources, library versions), and what it cost."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import platform
+import re
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+
+from ibrpipe.version import VERSION
+
+_DOTTED = re.compile(r"[a-z_]\w*(\.[a-z_]\w*)+(:\w+)?")
+_PACKAGES = (
+    "numba",
+    "numpy",
+    "open3d",
+    "open3d-cpu",
+    "opencv-contrib-python-headless",
+    "OpenImageIO",
+    "pycolmap",
+    "scikit-image",
+    "scipy",
+    "trimesh",
+)
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of Python, ibrpipe and the libraries that can change a result."""
+    found = {"python": platform.python_version(), "ibrpipe": VERSION}
+    for package in _PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+@cache
+def code_digest(module: str) -> str:
+    """Return the hash of the sources of `module` and of everything it imports from the same top package."""
+    names, waiting = set[str](), [module]
+    while waiting:
+        name = waiting.pop()
+        if name not in names:
+            names.add(name)
+            waiting.extend(_imports(name))
+    known = hashlib.blake2b(digest_size=16)
+    for name in sorted(names):
+        for path in _sources(name):
+            known.update(f"{name}/{path.name}\0".encode() + path.read_bytes())
+    return known.hexdigest()
+
+
+@cache
+def _sources(module: str) -> tuple[Path, ...]:
+    """Return a module's file; of a package also the files in it that are no Python (templates, tables)."""
+    try:
+        spec = find_spec(module)
+    except (ModuleNotFoundError, ValueError):
+        return ()
+    if spec is None or spec.origin is None or not Path(spec.origin).is_file():
+        return ()
+    origin = Path(spec.origin)
+    if origin.name != "__init__.py":
+        return (origin,)
+    others = (path for path in origin.parent.iterdir() if path.is_file() and path.suffix not in {".py", ".pyc"})
+    return (origin, *sorted(others))
+
+
+@cache
+def _imports(module: str) -> frozenset[str]:
+    """Return the modules of the same top package that `module` imports, or names in a string to import late."""
+    top = module.partition(".")[0]
+    found = set[str]()
+    for path in (path for path in _sources(module) if path.suffix == ".py"):
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            found.update(_named(node, top))
+    return frozenset(found)
+
+
+def _named(node: ast.AST, top: str) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names if alias.name.partition(".")[0] == top)
+    elif isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] == top:
+        yield node.module
+        for alias in node.names:
+            if _is_module(f"{node.module}.{alias.name}"):
+                yield f"{node.module}.{alias.name}"
+    elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _DOTTED.fullmatch(node.value):
+        name = node.value.partition(":")[0]
+        for candidate in (name, f"{top}.{name}"):
+            if candidate.partition(".")[0] == top and _is_module(candidate):
+                yield candidate
+
+
+@cache
+def _is_module(name: str) -> bool:
+    try:
+        return find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+@dataclass
+class Cost:
+    """Seconds and largest resident memory (None = unknown) of a block of code."""
+
+    seconds: float = 0.0
+    peak_memory_bytes: int | None = None
+
+
+@contextmanager
+def measured() -> Iterator[Cost]:
+    """Measure the block; the figures are filled in when it ends."""
+    cost = Cost()
+    fresh = _reset_peak()
+    start = time.perf_counter()
+    yield cost
+    cost.seconds = time.perf_counter() - start
+    cost.peak_memory_bytes = _peak_of_block() if fresh else _peak_of_process()
+
+
+def _reset_peak() -> bool:
+    """Set Linux's high-water mark of resident memory back; False where that is not possible."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        return False
+    return True
+
+
+def _peak_of_block() -> int | None:
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) * 1024
+    return None
+
+
+def _peak_of_process() -> int | None:
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024

@@ -1,0 +1,53 @@
+"""Every stage by name, in the order of the pipeline; nothing heavy is imported until a stage is asked for."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from ibrpipe.errors import ConfigError
+
+if TYPE_CHECKING:
+    from ibrpipe.stages.stage import Stage
+
+#: stage -> (where its `Stage` object is, what the list of commands says of it)
+STAGES: dict[str, tuple[str, str]] = {
+    "ingest": ("ibrpipe.stages.ingest:STAGE", "Read and check a capture folder."),
+    "plan": ("ibrpipe.stages.plan:STAGE", "Decide what to model, at which resolution, and why."),
+    "layers": ("ibrpipe.stages.layers:STAGE", "Make layered depth images with diffuse colour."),
+    "residuals": ("ibrpipe.stages.residuals:STAGE", "Model what changes with the view direction."),
+    "asset": ("ibrpipe.stages.asset:STAGE", "Gather the results into an asset folder."),
+    "render": ("ibrpipe.stages.render:STAGE", "Render an asset along a camera path."),
+    "evaluate": ("ibrpipe.stages.evaluate:STAGE", "Score rendered views and write the report."),
+}
+
+
+def load_stage(name: str) -> Stage:
+    """Import the stage `name`.
+
+    Raises
+    ------
+    ConfigError
+        There is no such stage.
+    """
+    if name not in STAGES:
+        raise ConfigError(f'there is no stage "{name}"; {closest(name, STAGES)}')
+    module, attribute = STAGES[name][0].split(":")
+    stage: Stage = getattr(import_module(module), attribute)
+    return stage
+
+
+def load_stages() -> tuple[Stage, ...]:
+    """Import all stages, in pipeline order."""
+    return tuple(load_stage(name) for name in STAGES)
+
+
+def closest(name: object, valid: Iterable[object]) -> str:
+    """Say which of the `valid` names is probably meant, or list them."""
+    names = [str(each) for each in valid]
+    found = difflib.get_close_matches(str(name), names, n=1)
+    if found:
+        return f'did you mean "{found[0]}"?'
+    return f"expected one of: {', '.join(names)}" if names else "nothing may stand here"

@@ -1,0 +1,224 @@
+"""Run stages in order: skip what is up to date, write whole folders only, and record what ran."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ibrpipe.config import StageConfig
+from ibrpipe.errors import ConfigError, ResourceError
+from ibrpipe.io.manifest import (
+    NAME,
+    RUN_NAME,
+    Hasher,
+    Manifest,
+    difference,
+    digest,
+    read_manifest,
+    write_json,
+    write_manifest,
+)
+from ibrpipe.stages.pipeline import Pipeline
+from ibrpipe.stages.provenance import code_digest, measured, versions
+from ibrpipe.stages.registry import closest
+from ibrpipe.stages.stage import Stage
+from ibrpipe.stages.wiring import files_named, hashes, wire
+from ibrpipe.stages.workplace import files_with_sizes, only_run, whole_folder
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happens to a stage.
+
+    Attributes
+    ----------
+    stage : str
+    kind : str
+        "starts" (`text` says why), "done" (`manifest` says the cost) or "skipped".
+    """
+
+    stage: str
+    kind: str
+    text: str = ""
+    manifest: Manifest | None = None
+
+
+Report = Callable[[Event], None]
+
+
+def _silent(event: Event) -> None:
+    """Ignore `event`."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One stage with everything it needs.
+
+    Attributes
+    ----------
+    stage : Stage
+    fields : mapping
+        The inputs, name to value, without `out`.
+    config : StageConfig
+    target : Path
+        Folder that the stage fills.
+    upstream : mapping
+        Stage whose output is read to the key of its manifest.
+    """
+
+    stage: Stage
+    fields: Mapping[str, Any]
+    config: StageConfig
+    target: Path
+    upstream: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+
+def run_job(job: Job, hasher: Hasher, force: bool = False, report: Report = _silent) -> Manifest:
+    """Run one stage unless its last result still holds; return its manifest.
+
+    Raises
+    ------
+    IbrError
+        As raised by the stage; an earlier result then stays as it was.
+    ResourceError
+        The target holds files that are not ours.
+    """
+    identity = _identity(job, hasher)
+    known = read_manifest(job.target)
+    why = difference(known, identity, job.target)
+    if known is not None and why is None and not force:
+        report(Event(job.stage.name, "skipped", manifest=known))
+        return known
+    _refuse_foreign(job.target)
+    report(Event(job.stage.name, "starts", why or "forced"))
+    with whole_folder(job.target) as folder:
+        with measured() as cost:
+            job.stage.run(job.stage.inputs(**job.fields, out=folder), job.config)
+        manifest = Manifest(
+            **identity,
+            stage=job.stage.name,
+            files=files_with_sizes(folder),
+            seconds=cost.seconds,
+            peak_memory_bytes=cost.peak_memory_bytes,
+        )
+        write_manifest(folder, manifest)
+    report(Event(job.stage.name, "done", manifest=manifest))
+    return manifest
+
+
+def _identity(job: Job, hasher: Hasher) -> dict[str, Any]:
+    """Return all that decides the result, and its hash as ``key``."""
+    config = job.config.model_dump(mode="json")
+    identity: dict[str, Any] = {
+        "config": config,
+        "inputs": {**hashes(job.fields, hasher, job.target.parent), **files_named(config, hasher)},
+        "upstream": dict(job.upstream),
+        "code": code_digest(job.stage.run.__module__),
+        "versions": versions(),
+    }
+    return {**identity, "key": digest([job.stage.name, identity])}
+
+
+def _refuse_foreign(target: Path) -> None:
+    if not target.exists():
+        return
+    if not target.is_dir():
+        raise ResourceError(f"{target} is a file, but a folder is to be written there; choose another --out")
+    if any(target.iterdir()) and not (target / NAME).is_file():
+        raise ResourceError(
+            f"{target} holds files that ibrpipe did not write; they would be lost: choose another --out or empty it"
+        )
+
+
+@dataclass(frozen=True)
+class Run:
+    """What `run_pipeline` is asked to do.
+
+    Attributes
+    ----------
+    pipeline : Pipeline
+    out : Path
+        Run folder.
+    capture : Path or None
+        Capture folder; None = the one of the run that is already there.
+    first, last : str or None
+        Stages to begin and end with. Earlier results are taken as they are.
+    force : bool
+        Run the chosen stages even where nothing changed.
+    """
+
+    pipeline: Pipeline
+    out: Path
+    capture: Path | None = None
+    first: str | None = None
+    last: str | None = None
+    force: bool = False
+
+
+def run_pipeline(run: Run, stages: Sequence[Stage], report: Report = _silent) -> dict[str, Manifest]:
+    """Run the stages that are out of date, in order; return the manifests of the chosen ones, by stage.
+
+    Raises
+    ------
+    IbrError
+        As raised by a stage. The results of the stages before it stay, and the next run goes on from there.
+    """
+    chosen = _chosen(run, stages)
+    done: dict[str, Manifest] = {}
+    with only_run(run.out):
+        capture = run.capture or recorded_capture(run.out)
+        _record(run, capture)
+        hasher = Hasher(run.out / ".hashes.json")
+        try:
+            for stage in chosen:
+                fields = wire(stage, run.out, capture, run.pipeline.seed)
+                config = run.pipeline.configs[stage.name]
+                job = Job(stage, fields, config, run.out / stage.place, _keys(stage, stages, run.out))
+                done[stage.name] = run_job(job, hasher, run.force, report)
+        finally:
+            hasher.remember()
+    return done
+
+
+def _chosen(run: Run, stages: Sequence[Stage]) -> list[Stage]:
+    names = [stage.name for stage in stages]
+    for option, name in (("--from", run.first), ("--until", run.last)):
+        if name is not None and name not in names:
+            raise ConfigError(f"{option} {name}: there is no such stage; {closest(name, names)}")
+    first = names.index(run.first) if run.first else 0
+    last = names.index(run.last) if run.last else len(names) - 1
+    if first > last:
+        raise ConfigError(f"--from {run.first} comes after --until {run.last}; the order is {', '.join(names)}")
+    return list(stages[first : last + 1])
+
+
+def _keys(stage: Stage, stages: Sequence[Stage], out: Path) -> dict[str, str]:
+    """Return the keys of the results that `stage` reads."""
+    places = {each.name: each.place for each in stages}
+    known = {name: read_manifest(out / places[name]) for name in stage.needs if name in places}
+    return {name: manifest.key for name, manifest in known.items() if manifest is not None}
+
+
+def _record(run: Run, capture: Path | None) -> None:
+    settings = {name: config.model_dump(mode="json") for name, config in run.pipeline.configs.items()}
+    record = {
+        "pipeline": run.pipeline.name,
+        "seed": run.pipeline.seed,
+        "capture": None if capture is None else str(capture.resolve()),
+        "settings": settings,
+    }
+    write_json(run.out / RUN_NAME, record)
+
+
+def recorded_capture(out: Path) -> Path | None:
+    """Return the capture folder of the run that `out` holds, if any."""
+    import json
+
+    try:
+        name = json.loads((out / RUN_NAME).read_text(encoding="utf-8")).get("capture")
+    except (OSError, ValueError, AttributeError):
+        return None
+    return Path(name) if isinstance(name, str) else None

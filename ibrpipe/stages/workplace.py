@@ -1,0 +1,92 @@
+"""Folders that appear whole or not at all, and one run at a time in each of them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from ibrpipe.errors import ResourceError
+
+
+@contextmanager
+def whole_folder(target: Path) -> Iterator[Path]:
+    """Yield an empty folder next to `target` that takes its place when the block ends well, and vanishes otherwise.
+
+    What an earlier process left half-done next to `target` is removed first.
+    """
+    target.parent.mkdir(parents=True, exist_ok=True)
+    remove_stale(target)
+    partial = target.with_name(f".{target.name}.partial")
+    try:
+        partial.mkdir()
+        yield partial
+        _replace(partial, target)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def remove_stale(target: Path) -> None:
+    """Remove what a killed run left next to `target`, and put an older result back that it had set aside."""
+    aside = target.with_name(f".{target.name}.old")
+    if aside.is_dir() and not target.exists():
+        aside.rename(target)
+    for folder in (aside, target.with_name(f".{target.name}.partial")):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _replace(partial: Path, target: Path) -> None:
+    aside = target.with_name(f".{target.name}.old")
+    if target.exists():
+        target.rename(aside)
+    partial.rename(target)
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+@contextmanager
+def only_run(folder: Path) -> Iterator[None]:
+    """Hold `folder` for this process; the system lets go of it when the process ends, however it ends.
+
+    Raises
+    ------
+    ResourceError
+        Another process works in it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("a") as handle:
+        try:
+            _lock(handle)
+        except BlockingIOError as error:
+            raise ResourceError(
+                f"another ibrpipe works in {folder}; wait until it ends or choose another folder with --out"
+            ) from error
+        yield
+
+
+def _lock(handle: IO[str]) -> None:
+    if sys.platform == "win32":
+        import msvcrt
+
+        try:
+            msvcrt.locking(handle.fileno(), msvcrt.LK_NBLCK, 1)
+        except PermissionError as error:
+            raise BlockingIOError(str(error)) from error
+    else:
+        import fcntl
+
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def files_with_sizes(folder: Path) -> dict[str, int]:
+    """Return every file below `folder`, relative, to its size in bytes."""
+    found = {}
+    for root, folders, names in os.walk(folder):
+        folders.sort()
+        for name in sorted(names):
+            path = Path(root) / name
+            found[path.relative_to(folder).as_posix()] = path.stat().st_size
+    return found
