@@ -1,0 +1,60 @@
+"""The one place where errors become one line on stderr and an exit code."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import IO, Any
+
+import click
+
+from ibrpipe.errors import IbrError
+
+
+class Failure(click.ClickException):
+    """A failure told in one line; exit code 1."""
+
+    exit_code = 1
+
+    def show(self, file: IO[Any] | None = None) -> None:
+        """Print the line."""
+        click.echo(f"error: {' '.join(self.message.split())}", file=file, err=file is None)
+
+
+class Interrupted(click.ClickException):
+    """Ctrl-C; exit code 130, as shells have it."""
+
+    exit_code = 130
+
+    def show(self, file: IO[Any] | None = None) -> None:
+        """Print the line."""
+        click.echo(self.message, file=file, err=file is None)
+
+
+@contextmanager
+def one_line() -> Iterator[None]:
+    """Turn what a user can mend into `Failure`, Ctrl-C into `Interrupted`; programming errors pass unchanged."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise Interrupted("interrupted; finished stages are kept, run the same command again to go on") from error
+    except MemoryError as error:
+        raise Failure(f"not enough memory ({error or 'no figure given'}); use smaller photos or settings") from error
+    except IbrError as error:
+        raise Failure(str(error)) from error
+    except OSError as error:
+        told = _told(error)
+        if told is None:
+            raise
+        raise Failure(told) from error
+
+
+def _told(error: OSError) -> str | None:
+    """Return the line for what the machine refuses, None for any other error."""
+    where = f" at {error.filename}" if error.filename else ""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"no space left on the disk{where}; make room and run the same command again"
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return f"no permission to use the file or folder{where} ({error.strerror}); choose another or change its rights"
+    return None

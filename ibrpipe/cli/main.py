@@ -1,0 +1,90 @@
+"""The command ``ibrpipe``: a group whose commands are imported when they are used, so that ``--help`` is instant."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from importlib import import_module
+from typing import Any, NoReturn
+
+import click
+
+from ibrpipe.cli.boundary import one_line
+from ibrpipe.stages.registry import STAGES
+from ibrpipe.version import VERSION
+
+#: heading -> command -> (where it is, one line of help)
+COMMANDS: dict[str, dict[str, tuple[str, str]]] = {
+    "Whole jobs": {
+        "demo": ("ibrpipe.cli.demo:command", "Make a synthetic capture, run the pipeline on it, open the report."),
+        "run": ("ibrpipe.cli.run:command", "Run a pipeline: what is out of date, in order."),
+    },
+    "Single stages": {name: (f"ibrpipe.cli.stage:{name}", summary) for name, (_, summary) in STAGES.items()},
+    "Tools": {
+        "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run or an asset holds."),
+        "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of all files on disk."),
+        "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth."),
+    },
+}
+
+
+class LazyGroup(click.Group):
+    """A group that imports a command when it is called or its own help is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands, in the order of the help."""
+        return [name for section in COMMANDS.values() for name in section]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return one command."""
+        for section in COMMANDS.values():
+            if cmd_name in section:
+                module, attribute = section[cmd_name][0].split(":")
+                command: click.Command = getattr(import_module(module), attribute)
+                return command
+        return None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command; a misspelt one gets a suggestion."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            from ibrpipe.stages.registry import closest
+
+            advice = closest(args[0], self.list_commands(ctx))
+            raise click.UsageError(f'there is no command "{args[0]}"; {advice}', ctx) from error
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands under their headings without importing them."""
+        for heading, section in COMMANDS.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name, summary) for name, (_, summary) in section.items()])
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command inside the error boundary."""
+        with one_line():
+            return super().invoke(ctx)
+
+
+@click.group(
+    cls=LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="Example: ibrpipe demo",
+)
+@click.version_option(VERSION, prog_name="ibrpipe")
+def cli() -> None:
+    """Make image-based 3-D assets of photographs, render them on the CPU, and measure the error."""
+
+
+def main() -> NoReturn:
+    """Run the command line; the console script."""
+    signal.signal(signal.SIGTERM, _terminate)
+    cli(prog_name="ibrpipe")
+    sys.exit(0)
+
+
+def _terminate(number: int, frame: object) -> NoReturn:
+    """End by the usual way out, so that nothing half-written stays."""
+    sys.exit(128 + number)

@@ -1,0 +1,99 @@
+"""``ibrpipe run``: a pipeline file, from photos to the report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ibrpipe.cli.options import dask_option, example, json_option, workers_option
+from ibrpipe.cli.show import display, duration, told
+from ibrpipe.errors import ConfigError
+from ibrpipe.io.manifest import Manifest
+from ibrpipe.stages.executor import executor
+from ibrpipe.stages.pipeline import Pipeline, load_pipeline
+from ibrpipe.stages.registry import STAGES, load_stages
+from ibrpipe.stages.runner import Run, run_pipeline
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command(
+    name="run",
+    epilog=example(
+        "ibrpipe run pipelines/mesh.yaml --capture photos --out out",
+        "ibrpipe run mesh --out out --from residuals --set residuals.k=0.0625",
+    ),
+)
+@click.argument("pipeline", type=_PATH)
+@click.option("--capture", type=_PATH, metavar="DIR", help="Capture folder; needed the first time.")
+@click.option("--out", type=_PATH, metavar="DIR", default="out", show_default=True, help="Run folder.")
+@click.option("--set", "changes", multiple=True, metavar="STAGE.KEY=VALUE", help="Replace a setting; may be repeated.")
+@click.option(
+    "--from", "first", type=click.Choice(list(STAGES)), help="Begin here; earlier results are taken as they are."
+)
+@click.option("--until", "last", type=click.Choice(list(STAGES)), help="End after this stage.")
+@click.option("--force", is_flag=True, help="Run the stages even where nothing changed.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    pipeline: Path,
+    capture: Path | None,
+    out: Path,
+    changes: tuple[str, ...],
+    first: str | None,
+    last: str | None,
+    force: bool,
+    **shared: Any,
+) -> None:
+    """Run PIPELINE, a file or the name of one that comes with ibrpipe.
+
+    Stages whose settings, inputs and code have not changed are skipped, so a run that was stopped goes on where it was.
+    """
+    loaded = _loaded(pipeline, changes)
+    run = Run(loaded, out, capture, first, last, force)
+    done = run_shown(run, shared["workers"], shared["dask"])
+    if shared["as_json"]:
+        click.echo(json.dumps(summary(out, done), indent=2))
+    else:
+        click.echo(f"{out}: {len(done)} stages, {duration(sum(each.seconds for each in done.values()))} of work")
+        report = out / "report" / "report.html"
+        if report.is_file() and "evaluate" in done:
+            click.echo(f"report: {report}")
+
+
+command.params += [workers_option, dask_option, json_option]
+
+
+def _loaded(path: Path, changes: tuple[str, ...]) -> Pipeline:
+    """Load the pipeline; a wrong --set is a wrong use of the command."""
+    try:
+        return load_pipeline(path, changes)
+    except ConfigError as error:
+        if str(error).startswith("--set"):
+            raise click.UsageError(str(error)) from error
+        raise
+
+
+def run_shown(run: Run, workers: int, dask: str | None) -> dict[str, Manifest]:
+    """Run a pipeline and show what happens."""
+    with executor(workers, dask), display() as shown:
+        return run_pipeline(run, load_stages(), lambda event: shown.say(told(event)))
+
+
+def summary(out: Path, done: dict[str, Manifest]) -> dict[str, Any]:
+    """Return the cost of every stage, and the mean scores if they were made."""
+    stages = {
+        name: {
+            "seconds": manifest.seconds,
+            "peak_memory_bytes": manifest.peak_memory_bytes,
+            "bytes": sum(manifest.files.values()),
+        }
+        for name, manifest in done.items()
+    }
+    metrics = out / "report" / "metrics.json"
+    scored = metrics.is_file() and "evaluate" in done
+    mean = json.loads(metrics.read_text(encoding="utf-8"))["mean"] if scored else None
+    return {"out": str(out), "stages": stages, "mean": mean}

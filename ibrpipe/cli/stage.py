@@ -1,0 +1,121 @@
+"""Every stage as a command, made of its `Stage` object."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ibrpipe.cli.options import (
+    PATH,
+    config_options,
+    dask_option,
+    example,
+    given,
+    json_option,
+    out_option,
+    workers_option,
+)
+from ibrpipe.cli.show import display, told
+from ibrpipe.errors import ConfigError, MissingFileError
+from ibrpipe.io.manifest import Hasher, Manifest, read_manifest
+from ibrpipe.stages.executor import executor
+from ibrpipe.stages.registry import STAGES, load_stage, load_stages
+from ibrpipe.stages.runner import Job, run_job
+from ibrpipe.stages.settings import Key, Settings, validated
+from ibrpipe.stages.stage import Stage
+from ibrpipe.stages.wiring import MEANING, PLACES, input_fields
+from ibrpipe.stages.workplace import only_run
+
+
+def stage_command(stage: Stage) -> click.Command:
+    """Return the command that runs `stage`: its inputs, its settings, and the shared options."""
+    params: list[click.Parameter] = [*_input_params(stage), out_option(text=_out_help(stage))]
+    params += [*config_options(stage.config), workers_option, dask_option, json_option]
+
+    def callback(**values: Any) -> None:
+        ctx = click.get_current_context()
+        config = _config(stage, given(ctx, lambda name: name in stage.config.model_fields))
+        manifest = _run(stage, config, values)
+        if values["as_json"]:
+            click.echo(json.dumps(manifest.model_dump(mode="json"), indent=2))
+
+    return click.Command(
+        stage.name, callback=callback, params=params, help=stage.summary, epilog=example(stage.example)
+    )
+
+
+def _input_params(stage: Stage) -> list[click.Parameter]:
+    params: list[click.Parameter] = []
+    names = input_fields(stage)
+    if "capture" in names:
+        params.append(click.Argument(["capture"], type=PATH))
+    for name in names:
+        if name not in ("capture", "seed", "run"):
+            params.append(click.Option([f"--{name}"], type=PATH, metavar="PATH", help=MEANING.get(name, "Input.")))
+    params.append(
+        click.Option(["--run"], type=PATH, metavar="DIR", help="Run folder; inputs not given are taken from it.")
+    )
+    if "seed" in names:
+        params.append(click.Option(["--seed"], type=click.IntRange(0), default=0, help=MEANING["seed"]))
+    return params
+
+
+def _out_help(stage: Stage) -> str:
+    return f"Folder to write; {stage.place} in the run folder if that is given."
+
+
+def _config(stage: Stage, values: dict[str, Any]) -> Any:
+    places: dict[Key, str] = {(name,): f"--{name.replace('_', '-')}" for name in values}
+    try:
+        return validated(stage.config, Settings(values, {(): "settings"} | places))
+    except ConfigError as error:
+        raise click.UsageError(str(error)) from error
+
+
+def _run(stage: Stage, config: Any, values: dict[str, Any]) -> Manifest:
+    run, out = values["run"], values["out"]
+    target = out or (run / stage.place if run else None)
+    if target is None:
+        raise click.UsageError("give the folder to write with --out, or a run folder with --run")
+    fields = {name: _input(stage, name, required, values) for name, required in input_fields(stage).items()}
+    fields = {name: value for name, value in fields.items() if value is not None}
+    job = Job(stage, fields, config, target, _keys(stage, run))
+    with executor(values["workers"], values["dask"]), display() as shown, only_run(target.parent):
+        return run_job(job, Hasher(), force=True, report=lambda event: shown.say(told(event)))
+
+
+def _input(stage: Stage, name: str, required: bool, values: dict[str, Any]) -> Any:
+    """Return one input: as given, else from its place in the run folder."""
+    if values.get(name) is not None:
+        if name != "seed" and not values[name].exists():
+            raise MissingFileError(f"{values[name]} does not exist; stage {stage.name} needs it as {name}")
+        return values[name]
+    if values["run"] is not None:
+        path: Path = values["run"] / PLACES[name]
+        if path.exists():
+            return path
+        if required:
+            raise MissingFileError(
+                f"stage {stage.name} needs {path}, which does not exist; run the earlier stages first"
+            )
+    if required:
+        raise click.UsageError(f"stage {stage.name} needs --{name}, or a run folder with --run")
+    return None
+
+
+def _keys(stage: Stage, run: Path | None) -> dict[str, str]:
+    """Return the keys of what the stage reads, as the runner would find them."""
+    if run is None:
+        return {}
+    found = {each.name: read_manifest(run / each.place) for each in load_stages() if each.name in stage.needs}
+    return {name: manifest.key for name, manifest in found.items() if manifest is not None}
+
+
+def __getattr__(name: str) -> click.Command:
+    """Make the command of a stage when it is first asked for."""
+    if name not in STAGES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return stage_command(load_stage(name))
