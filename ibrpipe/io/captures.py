@@ -1,0 +1,275 @@
+"""Capture folders: photos, cameras, masks, exposure and mesh, found and checked against each other.
+
+Layout: ``images/``, optional ``masks/``, ``sparse/0`` (COLMAP) or ``transforms.json`` (nerfstudio), optional
+``mesh.ply|obj|glb|stl``, optional ``exposure.csv``, optional ``test/`` laid out alike with ``depth/*.exr|npy``.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError, ValueRangeError
+from ibrpipe.io.colmap import Shot, find_model, read_model
+from ibrpipe.io.exposure import gains_from_csv, gains_from_exif, read_exposure_csv
+from ibrpipe.io.images import ImageHeader, read_header
+from ibrpipe.io.lenses import Keep, undistorted_calibration
+from ibrpipe.io.masks import find_mask
+from ibrpipe.io.meshes import SUFFIXES
+from ibrpipe.io.transforms import read_transforms
+from ibrpipe.io.views import View
+from ibrpipe.types import Camera
+
+Exposure = Literal["none", "exif", "csv", "auto"]
+Orientation = Literal["auto", "apply", "ignore"]
+
+
+@dataclass(frozen=True)
+class CaptureOptions:
+    """How a capture folder is read.
+
+    Attributes
+    ----------
+    hold_out_every : int
+        Without ``test/``, photos 0, n, 2n, ... by name are held out for measuring; 0 = none.
+    exposure : {"auto", "csv", "exif", "none"}
+        Where gains come from; "auto": ``exposure.csv`` if there, else EXIF if every photo has it, else none.
+    orientation : {"auto", "apply", "ignore"}
+        Orientation tags; "auto": as COLMAP and nerfstudio, pixels count as stored unless only the turned picture fits.
+    keep : {"all", "inside"}
+        What undistortion keeps.
+    color_space : str or None
+        Overrides what the photos declare.
+    """
+
+    hold_out_every: int = 8
+    exposure: Exposure = "auto"
+    orientation: Orientation = "auto"
+    keep: Keep = "all"
+    color_space: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """A capture folder, read and checked for consistency; pixels are not loaded.
+
+    Attributes
+    ----------
+    root : Path
+    train, test : tuple of View
+    mesh : Path or None
+    exposure : {"none", "exif", "csv"}
+        Where the gains come from.
+    notes : tuple of str
+        What was found and decided that a reader should know.
+    """
+
+    root: Path
+    train: tuple[View, ...]
+    test: tuple[View, ...]
+    mesh: Path | None
+    exposure: str
+    notes: tuple[str, ...]
+
+
+def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Capture:
+    """Read a capture folder.
+
+    Parameters
+    ----------
+    path : Path or str
+    options : CaptureOptions, optional
+
+    Returns
+    -------
+    Capture
+
+    Raises
+    ------
+    MissingFileError, FormatError, CaptureError
+        One line that names the file, what is wrong, what is expected, and how many problems more there are.
+    """
+    root, options = Path(path), options or CaptureOptions()
+    if not root.is_dir():
+        raise MissingFileError(f"{root}: is no folder; give a capture folder with images/ and cameras")
+    root = root.resolve()
+    notes: list[str] = []
+    shots, ply = _shots(root)
+    test_shots = _shots(root / "test")[0] if (root / "test").is_dir() else ()
+    headers, test_headers = _headers(shots), _headers(test_shots)
+    gains, exposure = _gains(root, shots + test_shots, headers + test_headers, options.exposure)
+    train = _views(root, shots, headers, gains[: len(shots)], options, notes)
+    if test_shots:
+        test = _views(root / "test", test_shots, test_headers, gains[len(shots) :], options, notes)
+        test = tuple(replace(view, held_out=True) for view in test)
+    else:
+        train, test = _split(train, options.hold_out_every, notes)
+    return Capture(root, train, test, _mesh(root, ply, notes), exposure, tuple(notes))
+
+
+def _shots(root: Path) -> tuple[tuple[Shot, ...], Path | None]:
+    """Calibrated photos of a folder, from COLMAP's model if there is one, else from transforms.json."""
+    model, transforms = find_model(root), root / "transforms.json"
+    if model is not None:
+        ply = read_transforms(transforms)[1] if transforms.is_file() and not _mesh_files(root) else None
+        return read_model(model, root / "images"), ply
+    if transforms.is_file():
+        return read_transforms(transforms)
+    raise CaptureError(
+        f"{root}: no cameras found; expected a COLMAP model in sparse/0 or a transforms.json "
+        "(calibration from photos alone is not there yet)"
+    )
+
+
+def _headers(shots: tuple[Shot, ...]) -> list[ImageHeader]:
+    """Headers of all photos; raises once for all that are missing or unreadable."""
+    twice = [file for file, count in Counter(shot.file for shot in shots).items() if count > 1]
+    if twice:
+        raise CaptureError(
+            f"{shots[0].image.parent}: photo {twice[0]} has {len(twice) + 1} or more poses; keep one each"
+        )
+    missing = [shot for shot in shots if not shot.image.is_file()]
+    if missing:
+        raise MissingFileError(
+            f"{missing[0].image}: the photo does not exist ({len(missing)} of {len(shots)} photos that the cameras "
+            "name are missing); put them there or remove them from the model"
+        )
+    return [read_header(shot.image) for shot in shots]
+
+
+def _views(
+    root: Path,
+    shots: tuple[Shot, ...],
+    headers: list[ImageHeader],
+    gains: list[float],
+    options: CaptureOptions,
+    notes: list[str],
+) -> tuple[View, ...]:
+    names = _names([shot.file for shot in shots])
+    problems: list[IbrError] = []
+    views: list[View] = []
+    for shot, header, name, gain in zip(shots, headers, names, gains):
+        try:
+            views.append(_view(root, shot, header, name, gain, options))
+        except (CaptureError, FormatError, MissingFileError) as error:
+            problems.append(error)
+    if problems:
+        more = f" ({len(problems) - 1} more photos have such problems)" if len(problems) > 1 else ""
+        raise type(problems[0])(f"{problems[0]}{more}")
+    turned = sum(view.oriented for view in views)
+    if turned:
+        notes.append(f"{turned} photos of {root.name} are turned as their orientation tag says, to fit their cameras")
+    return tuple(views)
+
+
+def _view(root: Path, shot: Shot, header: ImageHeader, name: str, gain: float, options: CaptureOptions) -> View:
+    oriented = _oriented(shot, header, options.orientation)
+    K, width, height = undistorted_calibration(shot.lens, options.keep)
+    try:
+        camera = Camera(K, shot.cam_from_world, width, height)
+    except ValueRangeError as error:
+        raise CaptureError(f"{shot.image}: {error}") from error
+    mask = find_mask(root, shot.file, shot.image, shot.mask, header.has_alpha)
+    if mask.file is not None:
+        _check_mask(mask.file, shot, oriented)
+    return View(
+        name=name,
+        camera=camera,
+        image=shot.image,
+        mask=mask.file,
+        mask_from_alpha=mask.from_alpha,
+        mask_rule=mask.rule,
+        gain=gain,
+        color_space=options.color_space,
+        distortion=shot.lens if shot.lens.distorted else None,
+        oriented=oriented,
+        depth=_depth(root, shot.file),
+    )
+
+
+def _oriented(shot: Shot, header: ImageHeader, orientation: Orientation) -> bool:
+    """Decide whether the orientation tag is obeyed, and check the size against the camera's."""
+    wanted = (shot.lens.width, shot.lens.height)
+    as_stored, upright = (header.width, header.height), header.upright_size
+    if orientation != "apply" and as_stored == wanted:
+        return False
+    if orientation != "ignore" and upright == wanted:
+        return header.orientation != 1
+    raise CaptureError(
+        f"{shot.image}: is {as_stored[0]} x {as_stored[1]} pixels but its camera states {wanted[0]} x {wanted[1]}; "
+        "use the photos that were calibrated, or scale the cameras"
+    )
+
+
+def _check_mask(mask: Path, shot: Shot, oriented: bool) -> None:
+    header = read_header(mask)
+    size = header.upright_size if oriented else (header.width, header.height)
+    if size != (shot.lens.width, shot.lens.height):
+        raise CaptureError(
+            f"{mask}: is {size[0]} x {size[1]} pixels but photo {shot.file} is {shot.lens.width} x {shot.lens.height}; "
+            "a mask has its photo's size"
+        )
+
+
+def _depth(root: Path, file: str) -> Path | None:
+    stem = Path(file).with_suffix("").as_posix()
+    for suffix in (".exr", ".npy"):
+        candidate = root / "depth" / f"{stem}{suffix}"
+        if candidate.is_file():
+            return candidate
+    return None
+
+
+def _names(files: list[str]) -> list[str]:
+    """File-name-safe names, unique: the stem, with its suffix where two photos share a stem."""
+    stems = [Path(file).with_suffix("").as_posix().replace("/", "__") for file in files]
+    shared = {stem for stem, count in Counter(stems).items() if count > 1}
+    whole = [file.replace("/", "__").replace(".", "_") for file in files]
+    return [name if stem in shared else stem for stem, name in zip(stems, whole)]
+
+
+def _gains(
+    root: Path, shots: tuple[Shot, ...], headers: list[ImageHeader], exposure: Exposure
+) -> tuple[list[float], str]:
+    table = root / "exposure.csv"
+    if exposure == "csv" and not table.is_file():
+        raise MissingFileError(f"{table}: does not exist although exposure is 'csv'; add it or set exposure: none")
+    if exposure == "csv" or (exposure == "auto" and table.is_file()):
+        return gains_from_csv(read_exposure_csv(table), [shot.file for shot in shots], table), "csv"
+    if exposure in ("exif", "auto"):
+        gains = gains_from_exif(headers)
+        if gains is not None:
+            return gains, "exif"
+        if exposure == "exif":
+            raise CaptureError(
+                f"{root}: not every photo has exposure time, f-number and ISO; set exposure: none or csv"
+            )
+    return [1.0] * len(shots), "none"
+
+
+def _split(views: tuple[View, ...], every: int, notes: list[str]) -> tuple[tuple[View, ...], tuple[View, ...]]:
+    """Hold out every n-th photo, unless fewer than n + 1 photos exist."""
+    if every < 1 or len(views) <= every:
+        notes.append(f"no test/ folder and {len(views)} photos: none is held out, so nothing measures new views")
+        return views, ()
+    notes.append(f"no test/ folder: every {every}th photo is held out for measuring")
+    train = tuple(view for index, view in enumerate(views) if index % every)
+    return train, tuple(replace(view, held_out=True) for view in views[::every])
+
+
+def _mesh_files(root: Path) -> list[Path]:
+    return [root / f"mesh{suffix}" for suffix in SUFFIXES if (root / f"mesh{suffix}").is_file()]
+
+
+def _mesh(root: Path, ply: Path | None, notes: list[str]) -> Path | None:
+    found = _mesh_files(root)
+    if len(found) > 1:
+        notes.append(f"several meshes: {found[0].name} is used, {', '.join(path.name for path in found[1:])} not")
+    if found:
+        return found[0]
+    if ply is not None and ply.is_file():
+        notes.append(f"the mesh is {ply.name}, which transforms.json names")
+        return ply
+    return None

@@ -1,0 +1,78 @@
+"""Triangle mesh files: PLY, OBJ, GLB/glTF and STL in, binary PLY out. Coordinates stay float64."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.errors import FormatError, IbrError, MissingFileError
+from ibrpipe.types import Mesh
+
+SUFFIXES = (".ply", ".obj", ".glb", ".gltf", ".stl")
+
+
+def read_mesh(path: Path) -> Mesh:
+    """Read a triangle mesh; a scene's parts are joined, polygons are cut into triangles, materials are left out.
+
+    Parameters
+    ----------
+    path : Path
+        PLY, OBJ, GLB/glTF or STL.
+
+    Returns
+    -------
+    Mesh
+        In the file's own coordinates (a glTF scene's node transforms applied).
+
+    Raises
+    ------
+    MissingFileError, FormatError
+        The file does not exist, is of another kind, is damaged, has no faces, or holds NaN.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise FormatError(f"{path}: unknown kind of mesh file; expected {', '.join(SUFFIXES)}")
+    if not path.is_file():
+        raise MissingFileError(f"{path}: the mesh does not exist")
+    vertices, faces = _load(path)
+    try:
+        return Mesh(vertices, faces)
+    except IbrError as error:
+        raise FormatError(f"{path}: {error}") from error
+
+
+def write_mesh(mesh: Mesh, path: Path) -> None:
+    """Write a binary PLY with double coordinates, so that nothing is lost."""
+    header = (
+        "ply\nformat binary_little_endian 1.0\n"
+        f"element vertex {len(mesh.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    faces = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.faces
+    with path.open("wb") as target:
+        target.write(header.encode("ascii"))
+        target.write(mesh.vertices.astype("<f8").tobytes())
+        target.write(faces.tobytes())
+
+
+def _load(path: Path) -> tuple[Any, Any]:
+    """Vertices (V, 3) float64 and faces (F, 3) as trimesh reads them."""
+    import trimesh
+
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
+    options = {"skip_materials": True} if path.suffix.lower() in (".obj", ".glb", ".gltf") else {}
+    try:
+        scene = trimesh.load_scene(str(path), process=False, **options)
+        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, ArithmeticError) as error:
+        reason = " ".join(str(error).split())
+        raise FormatError(f"{path}: the mesh is damaged ({reason}); export it again") from error
+    if not parts:
+        raise FormatError(f"{path}: holds no triangles; give a surface, not a point cloud or an empty file")
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
+    vertices = np.concatenate([np.asarray(part.vertices, np.float64) for part in parts])
+    faces = np.concatenate([np.asarray(part.faces, np.int64) + start for part, start in zip(parts, starts)])
+    return vertices, faces

@@ -1,0 +1,278 @@
+"""Checked photographs with cameras: the file ``views.json`` and the pixels it leads to.
+
+Pixels stay in the photo files; `load_view` reads one photo at a time and returns it as a pinhole camera sees it: linear
+light, undistorted, exposure compensated, at the size that ``view.camera`` states.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ibrpipe.errors import CaptureError, FormatError, MissingFileError
+from ibrpipe.io.images import read_coverage, read_depth, read_image
+from ibrpipe.io.lenses import Lens, photo_positions
+from ibrpipe.types import Array, Camera
+
+SCHEMA = 1
+MaskRule = Literal["coverage", "nonzero"]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A photograph, where it was taken from, and how its file becomes a pinhole picture.
+
+    Attributes
+    ----------
+    name : str
+        Unique among the train or among the test views, fit for a file name.
+    camera : Camera
+        Undistorted pinhole camera at the size that `load_view` returns.
+    image : Path
+    mask : Path or None
+        Mask file; None with `mask_from_alpha` False means that the whole photo counts.
+    mask_from_alpha : bool
+        The photo's own alpha is the mask.
+    mask_rule : {"coverage", "nonzero"}
+        Mask values are coverage, or everything but zero counts fully (COLMAP's and OpenMVS's rule).
+    gain : float
+        Linear factor that undoes the photo's exposure.
+    color_space : str or None
+        None: what the file declares.
+    distortion : Lens or None
+        The photo's own camera model where it is not a pinhole.
+    oriented : bool
+        The file's orientation tag is obeyed (cameras usually count pixels as stored: False).
+    full_size : (int, int) or None
+        (width, height) of the undistorted picture before it is shrunk to the camera's size; None = not shrunk.
+    depth : Path or None
+        True depth along camera z, for test views.
+    held_out : bool
+        For measuring only, never for making the asset.
+    """
+
+    name: str
+    camera: Camera
+    image: Path
+    mask: Path | None = None
+    mask_from_alpha: bool = False
+    mask_rule: MaskRule = "coverage"
+    gain: float = 1.0
+    color_space: str | None = None
+    distortion: Lens | None = None
+    oriented: bool = False
+    full_size: tuple[int, int] | None = None
+    depth: Path | None = None
+    held_out: bool = False
+
+    @property
+    def full_camera(self) -> Camera:
+        """The camera before shrinking."""
+        return self.camera if self.full_size is None else self.camera.resized(*self.full_size)
+
+    @property
+    def photo_size(self) -> tuple[int, int]:
+        """(width, height) that the photo file must have."""
+        if self.distortion is not None:
+            return self.distortion.width, self.distortion.height
+        return self.full_camera.width, self.full_camera.height
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSet:
+    """All views of a capture.
+
+    Attributes
+    ----------
+    train, test : tuple of View
+    mesh : Path or None
+        Triangle mesh in the cameras' world.
+    info : mapping
+        What else is known: ``units``, ``capture``, ``exposure``, ``notes``.
+    """
+
+    train: tuple[View, ...]
+    test: tuple[View, ...] = ()
+    mesh: Path | None = None
+    info: Mapping[str, Any] = field(default_factory=dict)
+
+
+def load_view(view: View) -> tuple[Array, Array]:
+    """Read a photo as its pinhole camera sees it.
+
+    Returns
+    -------
+    color : (H, W, 3) float32
+        Linear Rec.709, non-negative, exposure compensated.
+    mask : (H, W) float32
+        Coverage 0..1: the mask file or alpha, 0 where undistortion finds no pixel, else 1.
+
+    Raises
+    ------
+    MissingFileError, FormatError, CaptureError
+        A file is missing or damaged, or has another size than the camera states.
+    """
+    pixels = read_image(view.image, view.color_space, view.oriented)
+    _check_size(view.image, pixels.shape, view.photo_size)
+    colour = pixels[:, :, :3] if pixels.shape[2] >= 3 else np.repeat(pixels[:, :, :1], 3, axis=2)
+    colour, mask = _undistorted(np.ascontiguousarray(colour), _coverage(view, pixels), view)
+    colour, mask = _shrunk(colour, view.camera), _shrunk(mask, view.camera)
+    if not np.isfinite(colour).all():
+        raise FormatError(f"{view.image}: the photo holds NaN or infinite pixels; repair it")
+    return np.maximum(colour, 0.0) * np.float32(view.gain), np.clip(mask, 0.0, 1.0)
+
+
+def load_depth(view: View) -> Array:
+    """Read a test view's true depth: (H, W) float32 along camera z in scene units, +inf where nothing is.
+
+    Raises
+    ------
+    CaptureError
+        The view has no depth file, or it has another size than the photo.
+    """
+    if view.depth is None:
+        raise CaptureError(f"view {view.name} has no true depth; ask only views whose depth is set")
+    depth = read_depth(view.depth)
+    _check_size(view.depth, depth.shape, view.photo_size)
+    if view.distortion is not None:
+        x, y = photo_positions(view.distortion, view.full_camera)
+        inside = x > -1e3
+        rows = np.clip(np.rint(y), 0, depth.shape[0] - 1).astype(np.int64)
+        columns = np.clip(np.rint(x), 0, depth.shape[1] - 1).astype(np.int64)
+        depth = np.where(inside, depth[rows, columns], np.float32(np.inf))
+    return _nearest(depth, view.camera.width, view.camera.height)
+
+
+def write_views(views: ViewSet, path: Path) -> None:
+    """Write ``views.json``; a mesh beside it is stored by a relative path, photos below their common folder."""
+    root = Path(views.info["capture"]) if "capture" in views.info else None
+    document = {
+        "schema": SCHEMA,
+        "root": str(root) if root else "",
+        "mesh": None if views.mesh is None else _relative(views.mesh, path.parent),
+        "info": dict(views.info),
+        "train": [_view_to_json(view, root) for view in views.train],
+        "test": [_view_to_json(view, root) for view in views.test],
+    }
+    path.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def read_views(path: Path) -> ViewSet:
+    """Read ``views.json``.
+
+    Raises
+    ------
+    MissingFileError, FormatError
+        The file does not exist or is not what `write_views` writes.
+    """
+    if not path.is_file():
+        raise MissingFileError(f"{path}: does not exist; run the ingest stage first")
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if document["schema"] != SCHEMA:
+            raise FormatError(f"{path}: schema is {document['schema']}, expected {SCHEMA}; run ingest again")
+        root = Path(document["root"]) if document["root"] else path.parent
+        mesh = None if document["mesh"] is None else path.parent / document["mesh"]
+        train = tuple(_view_from_json(entry, root) for entry in document["train"])
+        test = tuple(_view_from_json(entry, root) for entry in document["test"])
+        return ViewSet(train, test, mesh, document["info"])
+    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
+        raise FormatError(f"{path}: not a views file ({error!r}); run the ingest stage again") from error
+
+
+def _coverage(view: View, pixels: Array) -> Array:
+    """The photo's mask before undistortion, (H, W) float32."""
+    if view.mask is not None:
+        mask = read_coverage(view.mask, view.oriented)
+        _check_size(view.mask, mask.shape, view.photo_size)
+    elif view.mask_from_alpha and pixels.shape[2] in (2, 4):
+        mask = np.ascontiguousarray(pixels[:, :, -1])
+    else:
+        return np.ones(pixels.shape[:2], np.float32)
+    return (mask > 0).astype(np.float32) if view.mask_rule == "nonzero" else mask
+
+
+def _undistorted(colour: Array, mask: Array, view: View) -> tuple[Array, Array]:
+    if view.distortion is None:
+        return colour, mask
+    import cv2
+
+    x, y = photo_positions(view.distortion, view.full_camera)
+    settings = {"interpolation": cv2.INTER_LINEAR, "borderMode": cv2.BORDER_REPLICATE}
+    inside = x > -1e3
+    colour = cv2.remap(colour, x, y, **settings) * inside[:, :, None]
+    return colour, cv2.remap(mask, x, y, **settings) * inside.astype(np.float32)
+
+
+def _shrunk(picture: Array, camera: Camera) -> Array:
+    if picture.shape[:2] == (camera.height, camera.width):
+        return picture
+    import cv2
+
+    return cv2.resize(picture, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+
+
+def _nearest(depth: Array, width: int, height: int) -> Array:
+    rows = ((np.arange(height) + 0.5) * depth.shape[0] / height).astype(np.int64)
+    columns = ((np.arange(width) + 0.5) * depth.shape[1] / width).astype(np.int64)
+    return np.ascontiguousarray(depth[rows][:, columns])
+
+
+def _check_size(path: Path, shape: tuple[int, ...], expected: tuple[int, int]) -> None:
+    if (shape[1], shape[0]) != expected:
+        raise CaptureError(
+            f"{path}: is {shape[1]} x {shape[0]} pixels but the camera states {expected[0]} x {expected[1]}; "
+            "use the files that were calibrated, or calibrate again"
+        )
+
+
+def _relative(path: Path, folder: Path | None) -> str:
+    if folder is not None and path.is_relative_to(folder):
+        return path.relative_to(folder).as_posix()
+    return str(path)
+
+
+def _view_to_json(view: View, root: Path | None) -> dict[str, Any]:
+    lens = view.distortion
+    return {
+        "name": view.name,
+        "image": _relative(view.image, root),
+        "mask": None if view.mask is None else _relative(view.mask, root),
+        "mask_from_alpha": view.mask_from_alpha,
+        "mask_rule": view.mask_rule,
+        "gain": view.gain,
+        "color_space": view.color_space,
+        "oriented": view.oriented,
+        "full_size": view.full_size,
+        "depth": None if view.depth is None else _relative(view.depth, root),
+        "held_out": view.held_out,
+        "width": view.camera.width,
+        "height": view.camera.height,
+        "K": view.camera.K.tolist(),
+        "cam_from_world": view.camera.cam_from_world.tolist(),
+        "distortion": None if lens is None else [lens.model, list(lens.params), lens.width, lens.height],
+    }
+
+
+def _view_from_json(entry: Mapping[str, Any], root: Path) -> View:
+    lens = entry["distortion"]
+    return View(
+        name=entry["name"],
+        camera=Camera(entry["K"], entry["cam_from_world"], entry["width"], entry["height"]),
+        image=root / entry["image"],
+        mask=None if entry["mask"] is None else root / entry["mask"],
+        mask_from_alpha=entry["mask_from_alpha"],
+        mask_rule=entry["mask_rule"],
+        gain=entry["gain"],
+        color_space=entry["color_space"],
+        distortion=None if lens is None else Lens(lens[0], tuple(lens[1]), lens[2], lens[3]),
+        oriented=entry["oriented"],
+        full_size=None if entry["full_size"] is None else (entry["full_size"][0], entry["full_size"][1]),
+        depth=None if entry["depth"] is None else root / entry["depth"],
+        held_out=entry["held_out"],
+    )

@@ -1,0 +1,122 @@
+"""Stage ingest: a capture folder in, checked views and a clean mesh out.
+
+Everything that can be wrong with a capture is looked for here, before anything expensive runs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pydantic import Field
+
+from ibrpipe.config import StageConfig
+from ibrpipe.errors import CaptureError, FormatError
+from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, read_capture
+from ibrpipe.io.lenses import Keep
+from ibrpipe.io.meshes import read_mesh, write_mesh
+from ibrpipe.io.views import View, ViewSet, write_views
+from ibrpipe.stages.stage import Stage
+from ibrpipe.types import Mesh
+
+
+class IngestConfig(StageConfig):
+    """Settings of the ingest stage."""
+
+    hold_out_every: int = Field(
+        8, ge=0, le=1000, description="Without a test/ folder, every n-th photo is kept for measuring; 0 = none"
+    )
+    exposure: Exposure = Field(
+        "auto", description="Where exposure gains come from: csv, exif, none, or auto (csv, else exif, else none)"
+    )
+    orientation: Orientation = Field(
+        "auto", description="Orientation tags: apply, ignore, or auto (obeyed only where the camera's size asks for it)"
+    )
+    undistort: Keep = Field(
+        "all", description="What undistortion keeps: all pixels (empty margins masked) or the inside without margins"
+    )
+    color_space: str | None = Field(
+        None, description="Colour space of all photos, such as srgb_rec709_scene; none = as each file declares"
+    )
+    max_pixels: int | None = Field(
+        None, ge=64, description="Photos with more pixels are shrunk to at most this many on loading; none = never"
+    )
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A capture folder and the folder to write to."""
+
+    capture: Path
+    out: Path
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What ingest writes."""
+
+    views: Path
+    mesh: Path
+    audit: Path
+
+
+def run(inputs: Inputs, config: IngestConfig) -> Outputs:
+    """Check a capture and write ``views.json``, ``mesh.ply`` and ``audit.json``.
+
+    Raises
+    ------
+    MissingFileError, FormatError, CaptureError
+        The capture cannot be used; the message says why and what to do.
+    """
+    options = CaptureOptions(
+        config.hold_out_every, config.exposure, config.orientation, config.undistort, config.color_space
+    )
+    capture = read_capture(inputs.capture, options)
+    mesh = _mesh(capture)
+    views = _view_set(capture, config.max_pixels, inputs.out / "mesh.ply")
+    outputs = Outputs(inputs.out / "views.json", inputs.out / "mesh.ply", inputs.out / "audit.json")
+    inputs.out.mkdir(parents=True, exist_ok=True)
+    write_mesh(mesh, outputs.mesh)
+    write_views(views, outputs.views)
+    outputs.audit.write_text("{}\n", encoding="utf-8")
+    return outputs
+
+
+def _mesh(capture: Capture) -> Mesh:
+    if capture.mesh is None:
+        raise CaptureError(
+            f"{capture.root}: no mesh found; expected mesh.ply, .obj, .glb or .stl "
+            "(geometry from photos is not there yet: give a mesh)"
+        )
+    try:
+        return read_mesh(capture.mesh)
+    except FormatError as error:
+        raise CaptureError(str(error)) from error
+
+
+def _view_set(capture: Capture, max_pixels: int | None, mesh: Path) -> ViewSet:
+    info = {"capture": str(capture.root), "exposure": capture.exposure, "notes": list(capture.notes)}
+    train = tuple(shrink_view(view, max_pixels) for view in capture.train)
+    return ViewSet(train, tuple(shrink_view(view, max_pixels) for view in capture.test), mesh, info)
+
+
+def shrink_view(view: View, max_pixels: int | None) -> View:
+    """Return the view at no more than `max_pixels` pixels, its shape kept."""
+    width, height = view.camera.width, view.camera.height
+    if max_pixels is None or width * height <= max_pixels:
+        return view
+    scale = math.sqrt(max_pixels / (width * height))
+    smaller = view.camera.resized(max(1, int(width * scale)), max(1, int(height * scale)))
+    return replace(view, camera=smaller, full_size=(width, height))
+
+
+STAGE = Stage(
+    name="ingest",
+    summary="Check a capture folder and turn its photos, cameras and mesh into views that every later stage reads.",
+    inputs=Inputs,
+    config=IngestConfig,
+    run=run,
+    needs=("capture",),
+    example="ibrpipe ingest captures/shiny_vase --out runs/vase",
+)
