@@ -336,6 +336,8 @@ class SpiralResiduals:
         False where the ray hits nothing or no photo sees what it hits.
     zero : int
         Code of a residual of nothing (uint8 texels only).
+    closed : bool
+        The spiral has its closing turn along the horizon.
     """
 
     rectangle: ParallelFrame
@@ -347,6 +349,7 @@ class SpiralResiduals:
     texels: Array
     valid: Array
     zero: int = 32
+    closed: bool = True
 
     def __post_init__(self) -> None:
         if not 0 < self.k <= 1:

@@ -31,7 +31,7 @@ class PhotoSet:
     projection : (P, 3, 4) float64, pixels from world
     centers : (P, 3) float64, world
     sizes : (P, 2) int32, height and width
-    starts : (P + 1,) int64
+    starts : (P,) or (P + 1,) int64, first pixel of every photo
     color : (T, 3) float32, linear light
     depth : (T,) float32, of the mesh along camera z at pixel centres, +inf where the mesh is not hit
     mask : (T,) float32, coverage 0 to 1
@@ -49,6 +49,20 @@ class PhotoSet:
     @property
     def _arrays(self) -> tuple[Array, ...]:
         return self.projection, self.centers, self.sizes, self.starts, self.color, self.depth, self.mask
+
+    def subset(self, photos: Sequence[int]) -> PhotoSet:
+        """Some of the photos; pixels are shared, not copied."""
+        chosen = list(photos)
+        return PhotoSet(
+            tuple(self.cameras[p] for p in chosen),
+            self.projection[chosen],
+            self.centers[chosen],
+            self.sizes[chosen],
+            self.starts[chosen],
+            self.color,
+            self.depth,
+            self.mask,
+        )
 
     def blend(self, points: Array, normals: Array, directions: Array) -> tuple[Array, Array]:
         """Colour surface points as seen from `directions` by the best four photos (gong-yang, sec. 4.2).

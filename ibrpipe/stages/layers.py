@@ -1,0 +1,188 @@
+"""Layered depth images with diffuse colours, one per support rectangle. Source: gong-yang, sec. 4.1."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ibrpipe.config import StageConfig
+from ibrpipe.embree import MeshCaster
+from ibrpipe.io.layers import write_layers
+from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.views import read_views
+from ibrpipe.progress import track
+from ibrpipe.stages.photos import PhotoSet, load_photos
+from ibrpipe.stages.plan import TexturePlan, read_plan
+from ibrpipe.stages.rectangles import Rectangle
+from ibrpipe.stages.stage import Stage
+from ibrpipe.types import Array, LayeredDepthImage
+
+STATISTICS = {"median": 0, "mean": 1, "mode": 2}
+
+
+class LayersConfig(StageConfig):
+    """Settings of the layers stage."""
+
+    statistic: Literal["median", "mean", "mode"] = Field(
+        "median", description="How the photos' colours of a surface point become its diffuse colour"
+    )
+    bins: int = Field(128, ge=8, le=4096, description="Histogram bins per channel")
+    color_bits: Literal[8, 16] = Field(
+        8, description="8: colours rounded to 8-bit sRGB codes (smaller file); 16: half floats"
+    )
+    depth_bits: Literal[8, 16, 32] = Field(
+        16, description="Depth levels over each texture's depth range; 32 keeps float32"
+    )
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the layers stage reads, and the folder that it fills."""
+
+    views: Path
+    mesh: Path
+    plan: Path
+    out: Path
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """`layers.json` and one folder per texture with `layers.exr`."""
+
+    summary: Path
+    textures: tuple[Path, ...]
+
+
+def keep_rule(
+    which: int, rectangles: Sequence[Rectangle], limits: Sequence[float], points: Array, normals: Array
+) -> Array:
+    """Say which points belong into layer `which`: it faces them, and within its limit or better than any other.
+
+    Parameters
+    ----------
+    limits : largest angle between surface normal and rectangle per texture, degrees
+    points, normals : (N, 3) world
+    """
+    own = rectangles[which].facing(points, normals)
+    keep = own >= np.cos(np.radians(limits[which]))
+    steep = np.flatnonzero((own > 0) & ~keep)
+    if len(steep):
+        others = [r.facing(points[steep], normals[steep]) for i, r in enumerate(rectangles) if i != which]
+        keep[steep] = own[steep] >= (np.max(others, axis=0) if others else -1.0)
+    return keep & (own > 0)
+
+
+def build_layers(
+    which: int, plans: Sequence[TexturePlan], caster: MeshCaster, photos: PhotoSet, config: LayersConfig
+) -> tuple[LayeredDepthImage, dict[str, Any]]:
+    """Cast one texture's rays, keep the surfaces that belong to it, and colour them from the photos.
+
+    Returns
+    -------
+    layers : LayeredDepthImage
+        Samples that no photo sees are kept as geometry with colour 0 and 0 observers.
+    figures : dict
+        Samples, layers, share seen by photos, depth range.
+    """
+    plan = plans[which]
+    origins, directions = plan.rectangle.rays()
+    ray, hits = caster.cast_all(origins, directions)
+    points = origins[ray] + hits.t[:, None].astype(np.float64) * directions[ray]
+    normals = caster.smooth_normals(hits.face, hits.uv)
+    rectangles, limits = [p.rectangle for p in plans], [p.max_angle_deg for p in plans]
+    keep = (hits.t > 0) & keep_rule(which, rectangles, limits, points, normals)
+    keep &= (hits.normal * directions[ray]).sum(axis=1) < 0
+    kept = np.flatnonzero(keep)
+    kept = kept[first_of_each(ray[kept], plan.max_layers)]
+    ray, depth, points, normals = ray[kept], hits.t[kept], points[kept], normals[kept]
+    color, _, observers = photos.diffuse(points, normals, config.bins, STATISTICS[config.statistic])
+    color[observers == 0] = 0.0
+    depth = quantize(depth, config.depth_bits)
+    if config.color_bits == 8:
+        color = round_to_display(color)
+    height, width = plan.rectangle.height, plan.rectangle.width
+    flat = np.searchsorted(ray, np.arange(height * width + 1)).astype(np.int64)
+    offsets = np.concatenate([flat[:-1].reshape(height, width), flat[width::width][:, None]], axis=1)
+    layers = LayeredDepthImage(plan.rectangle.frame, offsets, depth, color, normals, observers)
+    return layers, describe(plan, layers)
+
+
+def first_of_each(ray: Array, count: int) -> Array:
+    """Indices of the first `count` entries of every run in ascending `ray` (N,)."""
+    start = np.searchsorted(ray, ray)
+    return np.flatnonzero(np.arange(len(ray)) - start < count)
+
+
+def quantize(depth: Array, bits: int) -> Array:
+    """Round depths (N,) to 2^bits levels over their range; order is kept. gong-yang uses 8 bits."""
+    if bits == 32 or len(depth) == 0:
+        return depth.astype(np.float32)
+    low, high = float(depth.min()), float(depth.max())
+    step = (high - low) / (2**bits - 1) or 1.0
+    return (low + np.round((depth.astype(np.float64) - low) / step) * step).astype(np.float32)
+
+
+def round_to_display(color: Array) -> Array:
+    """Round linear colours to the nearest 8-bit sRGB code below 1; brighter ones stay."""
+    from ibrpipe.core.color import srgb_decode, srgb_encode
+
+    coded = np.round(srgb_encode(np.minimum(color, 1.0)) * 255.0) / 255.0
+    return np.where(color >= 1.0, color, srgb_decode(coded)).astype(np.float32)
+
+
+def describe(plan: TexturePlan, layers: LayeredDepthImage) -> dict[str, Any]:
+    """Figures of one texture for `layers.json`."""
+    per_pixel = np.diff(layers.offsets, axis=1)
+    seen = layers.observers > 0 if layers.observers is not None else np.ones(len(layers.depth), bool)
+    return {
+        "name": plan.rectangle.name,
+        "width": plan.rectangle.width,
+        "height": plan.rectangle.height,
+        "samples": len(layers.depth),
+        "most_layers": int(per_pixel.max(initial=0)),
+        "covered_texels": float((per_pixel > 0).mean()),
+        "seen_share": float(seen.mean()) if len(seen) else 0.0,
+        "depth_range": [float(layers.depth.min()), float(layers.depth.max())] if len(seen) else None,
+    }
+
+
+def run(inputs: Inputs, config: LayersConfig) -> Outputs:
+    """Build every planned texture's layered depth image.
+
+    Raises
+    ------
+    CaptureError, FormatError
+        The views, the mesh or the plan cannot be read.
+    """
+    plans = read_plan(inputs.plan)
+    views = read_views(inputs.views)
+    caster = MeshCaster(read_mesh(inputs.mesh))
+    photos = load_photos(views.train, caster)
+    figures, folders = [], []
+    for which in track(range(len(plans)), "layers"):
+        layers, figure = build_layers(which, plans, caster, photos, config)
+        folder = inputs.out / f"texture_{which:02d}"
+        folder.mkdir(parents=True, exist_ok=True)
+        write_layers(layers, folder / "layers.exr")
+        figures.append({**figure, "bytes": (folder / "layers.exr").stat().st_size})
+        folders.append(folder)
+    summary = inputs.out / "layers.json"
+    summary.write_text(json.dumps({"textures": figures}, indent=1), encoding="utf-8")
+    return Outputs(summary, tuple(folders))
+
+
+STAGE = Stage(
+    name="layers",
+    summary="Build layered depth images with the diffuse colour of every surface sample.",
+    inputs=Inputs,
+    config=LayersConfig,
+    run=run,
+    needs=("ingest", "plan"),
+    example="ibrpipe layers --views out/ingest/views.json --mesh out/ingest/mesh.ply --plan out/plan/plan.json --out out",
+)

@@ -1,0 +1,275 @@
+"""Decide what to model, and write down why. Nothing is modelled that the photos do not ask for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ibrpipe.config import StageConfig
+from ibrpipe.embree import MeshCaster
+from ibrpipe.errors import CaptureError, FormatError
+from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.views import read_views
+from ibrpipe.stages.measure import (
+    Appearance,
+    SurfaceSample,
+    appearance,
+    photo_spacing,
+    sample_surface,
+    sampling_density,
+)
+from ibrpipe.stages.photos import PhotoSet, load_photos
+from ibrpipe.stages.rectangles import Rectangle, RectangleConfig, bounding_box, box_faces, sized
+from ibrpipe.stages.stage import Stage
+
+SCHEMA = 1
+DENSITIES = (1 / 16, 1 / 24, 1 / 32)
+
+
+class PlanConfig(StageConfig):
+    """Settings of the plan stage."""
+
+    rectangles: tuple[RectangleConfig, ...] = Field(
+        (), description="Support rectangles placed by hand; empty = the faces of the mesh's bounding box"
+    )
+    texel: float | None = Field(
+        None, gt=0, description="Texel size of the layers, scene units; absent = from the photos' sampling density"
+    )
+    oversampling: float = Field(
+        1.25, gt=0, le=4, description="Texels per photo pixel on the surface, where the photos are densest"
+    )
+    max_angle: float = Field(
+        70.0,
+        gt=0,
+        le=90,
+        description="Surfaces tilted further than this (degrees) go to a texture that faces them better",
+    )
+    max_layers: int = Field(16, ge=1, le=256, description="Layers per texture at the most")
+    residuals: Literal["auto", "always", "never"] = Field(
+        "auto", description="auto: only where they make left-out photos at least min_gain better"
+    )
+    min_gain: float = Field(0.5, ge=0, description="Gain in dB on left-out photos that residuals must bring")
+    k: float | None = Field(None, gt=0, le=0.5, description="Spiral density; absent = from the angle between photos")
+    residual_scale: float = Field(
+        0.6, gt=0, le=4, description="Texels of a residual image per texel of the layers, along each edge"
+    )
+    samples: int = Field(40_000, ge=1000, description="Surface points that are measured")
+
+
+@dataclass(frozen=True, eq=False)
+class TexturePlan:
+    """What is to be modelled on one support rectangle."""
+
+    rectangle: Rectangle
+    max_angle_deg: float
+    max_layers: int
+    residuals: bool
+    k: float
+    residual_scale: float
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the plan stage reads, and the folder that it fills."""
+
+    views: Path
+    mesh: Path
+    seed: int
+    out: Path
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """`plan.json`: textures, and the reason for every choice."""
+
+    plan: Path
+
+
+Reason = dict[str, Any]
+
+
+def reason(what: str, choice: object, why: str, **measured: object) -> Reason:
+    """One entry of the plan's list of reasons."""
+    return {"what": what, "choice": choice, "reason": why, "measured": measured}
+
+
+def place(config: PlanConfig, caster: MeshCaster, texel: float) -> tuple[list[Rectangle], list[Reason]]:
+    """Place the rectangles: the user's, or the faces of the bounding box."""
+    if config.rectangles:
+        placed = [sized(rectangle, texel) for rectangle in config.rectangles]
+        return placed, [reason("rectangles", len(placed), "placed by the pipeline file")]
+    center, axes, half, why = bounding_box(caster.mesh)
+    faces = box_faces(center, axes, half, texel)
+    return faces, [reason("rectangles", "bounding box", why, size=(2 * half).round(6).tolist())]
+
+
+def drop_unseen(rectangles: Sequence[Rectangle], surface: SurfaceSample) -> tuple[list[Rectangle], list[Reason]]:
+    """Leave out rectangles whose own surface no photo sees."""
+    cosines = np.stack([r.facing(surface.points, surface.normals) for r in rectangles], axis=1)
+    owner = np.where(cosines.max(axis=1) > 0, cosines.argmax(axis=1), -1)
+    kept, reasons = [], []
+    for index, rectangle in enumerate(rectangles):
+        own = owner == index
+        share = float(own.mean())
+        seen = float((surface.observers[own] > 0).mean()) if own.any() else 0.0
+        figures = {"share_of_surface": round(share, 4), "seen_by_a_photo": round(seen, 4)}
+        if seen * share >= 0.001:
+            kept.append(rectangle)
+            reasons.append(reason(f"texture {rectangle.name}", "kept", "photos see surface that faces it", **figures))
+        else:
+            reasons.append(reason(f"texture {rectangle.name}", "dropped", "no photo sees what faces it", **figures))
+    return kept, reasons
+
+
+def count_layers(rectangle: Rectangle, caster: MeshCaster, limit: int) -> tuple[int, Reason]:
+    """Choose layers so that 99.9 % of front-facing samples are kept; measured on every fourth texel row and column."""
+    origins, directions = rectangle.rays()
+    grid = np.arange(rectangle.height * rectangle.width).reshape(rectangle.height, rectangle.width)[::4, ::4].ravel()
+    ray, hits = caster.cast_all(origins[grid], directions[grid])
+    front = (hits.normal * directions[grid][ray]).sum(axis=1) < 0
+    depths = np.bincount(np.bincount(ray[front], minlength=len(grid)), minlength=2)
+    at_least = depths[::-1].cumsum()[::-1]  # texels with at least n front-facing surfaces
+    total = max(int(at_least[1:].sum()), 1)
+    enough = int(np.searchsorted(at_least[1:].cumsum(), 0.999 * total)) + 1
+    choice = min(enough, limit)
+    why = f"keeps {100 * at_least[1 : choice + 1].sum() / total:.2f} % of the front-facing samples"
+    share = {str(n): round(float(at_least[n] / len(grid)), 4) for n in range(1, len(at_least))}
+    return choice, reason(f"layers of {rectangle.name}", choice, why, texels_with_at_least=share)
+
+
+def choose_residuals(name: str, found: Appearance, config: PlanConfig) -> tuple[bool, Reason]:
+    """Decide by left-out photos whether view dependence is worth modelling."""
+    figures = found.as_json()
+    if config.residuals != "auto":
+        choice = config.residuals == "always"
+        return choice, reason(f"residuals of {name}", choice, "set by the pipeline file", **figures)
+    if found.pixels < 50:
+        why = "too few pixels of the photos show it to measure view dependence"
+        return False, reason(f"residuals of {name}", False, why, **figures)
+    choice = found.gain >= config.min_gain
+    verdict = "at least" if choice else "less than"
+    why = (
+        f"view-dependent colour predicts left-out photos {found.gain:+.2f} dB better than diffuse colour, "
+        f"{verdict} the {config.min_gain} dB asked for"
+    )
+    return choice, reason(f"residuals of {name}", choice, why, **figures)
+
+
+def choose_k(config: PlanConfig, photos: PhotoSet, center: np.ndarray) -> tuple[float, Reason]:
+    """Choose the coarsest usual density whose pitch is no wider than the angle between photos."""
+    spacing = photo_spacing(photos, center)
+    if config.k is not None:
+        return config.k, reason("k", config.k, "set by the pipeline file", photo_spacing_deg=round(spacing, 2))
+    k = next((k for k in DENSITIES if np.degrees(2 * np.pi * k) <= spacing), DENSITIES[-1])
+    why = f"turns {np.degrees(2 * np.pi * k):.1f} degrees apart: finer than the photos' own spacing gains nothing"
+    return k, reason("k", round(k, 6), why, photo_spacing_deg=round(spacing, 2))
+
+
+def choose_texel(config: PlanConfig, surface: SurfaceSample, photos: PhotoSet) -> tuple[float, Reason]:
+    """Choose the texel from the photos' own sampling density on the surface."""
+    density = sampling_density(surface, photos)
+    figures = {"photo_pixels_per_unit": {"median": round(density[0], 3), "densest_tenth": round(density[1], 3)}}
+    if config.texel is not None:
+        return config.texel, reason("texel", config.texel, "set by the pipeline file", **figures)
+    texel = 1.0 / (density[1] * config.oversampling)
+    why = f"{config.oversampling} texels per photo pixel where the photos sample the surface densest"
+    return texel, reason("texel", round(texel, 8), why, **figures)
+
+
+def make_plan(
+    caster: MeshCaster, photos: PhotoSet, config: PlanConfig, seed: int
+) -> tuple[list[TexturePlan], list[Reason]]:
+    """Measure the capture and decide; returns the textures and the reasons.
+
+    Raises
+    ------
+    CaptureError
+        No photo sees any of the surface.
+    """
+    surface = sample_surface(caster, photos, config.samples, seed)
+    if not (surface.observers > 0).any():
+        raise CaptureError("no photo sees the mesh; check that cameras and mesh share one coordinate system")
+    texel, texel_reason = choose_texel(config, surface, photos)
+    rectangles, reasons = place(config, caster, texel)
+    reasons.append(texel_reason)
+    rectangles, dropped = drop_unseen(rectangles, surface)
+    if not rectangles:
+        raise CaptureError("no photo sees surface that faces any support rectangle; turn them round or move them")
+    k, k_reason = choose_k(config, photos, caster.mesh.vertices.mean(axis=0))
+    reasons += [*dropped, k_reason]
+    found = appearance(rectangles, caster, photos, seed)
+    plans = []
+    for rectangle, measured in zip(rectangles, found, strict=True):
+        layers, why_layers = count_layers(rectangle, caster, config.max_layers)
+        residuals, why_residuals = choose_residuals(rectangle.name, measured, config)
+        reasons += [why_layers, why_residuals]
+        plans.append(TexturePlan(rectangle, config.max_angle, layers, residuals, k, config.residual_scale))
+    return plans, reasons
+
+
+def write_plan(plans: Sequence[TexturePlan], reasons: Sequence[Reason], path: Path) -> None:
+    """Write `plan.json`."""
+    textures = [
+        {
+            **plan.rectangle.as_json(),
+            "max_angle_deg": plan.max_angle_deg,
+            "max_layers": plan.max_layers,
+            "residuals": plan.residuals,
+            "k": plan.k,
+            "residual_scale": plan.residual_scale,
+        }
+        for plan in plans
+    ]
+    content = {"schema": SCHEMA, "textures": textures, "reasons": list(reasons)}
+    path.write_text(json.dumps(content, indent=1, ensure_ascii=False), encoding="utf-8")
+
+
+def read_plan(path: Path) -> list[TexturePlan]:
+    """Read the textures of `plan.json`.
+
+    Raises
+    ------
+    FormatError
+        The file is missing, is no plan, or is of another schema version.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data["schema"] != SCHEMA:
+            raise FormatError(f"{path}: plan of schema {data['schema']}, expected {SCHEMA}; run the plan stage again")
+        return [
+            TexturePlan(
+                Rectangle.from_json(t), t["max_angle_deg"], t["max_layers"], t["residuals"], t["k"], t["residual_scale"]
+            )
+            for t in data["textures"]
+        ]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        if isinstance(error, FormatError):
+            raise
+        raise FormatError(f"{path}: not a plan ({error}); run the plan stage again") from error
+
+
+def run(inputs: Inputs, config: PlanConfig) -> Outputs:
+    """Measure the photos against the mesh and write the plan."""
+    caster = MeshCaster(read_mesh(inputs.mesh))
+    photos = load_photos(read_views(inputs.views).train, caster)
+    plans, reasons = make_plan(caster, photos, config, inputs.seed)
+    path = inputs.out / "plan.json"
+    write_plan(plans, reasons, path)
+    return Outputs(path)
+
+
+STAGE = Stage(
+    name="plan",
+    summary="Decide what to model and why: rectangles, resolution, layers, residuals.",
+    inputs=Inputs,
+    config=PlanConfig,
+    run=run,
+    needs=("ingest",),
+    example="ibrpipe plan --views out/ingest/views.json --mesh out/ingest/mesh.ply --out out",
+)

@@ -1,0 +1,197 @@
+"""Support rectangles: where textures stand, what each of them faces. Source: gong-yang, sec. 4 and 4.1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ibrpipe.config import StageConfig
+from ibrpipe.errors import ConfigError
+from ibrpipe.types import Array, Camera, Mesh, ParallelFrame
+
+Vector = tuple[float, float, float]
+
+
+class RectangleConfig(StageConfig):
+    """A support rectangle placed by the user; u x v points from the rectangle into the scene."""
+
+    name: str = Field(description="Name of the texture")
+    origin: Vector = Field(description="World position of the corner where u = v = 0, scene units")
+    u: Vector = Field(description="World vector of the edge along the columns, scene units")
+    v: Vector = Field(description="World vector of the edge along the rows, scene units; at right angles to u")
+    center: Vector | None = Field(
+        None, description="Centre of projection, world; absent = parallel projection along u x v"
+    )
+    texel: float | None = Field(None, gt=0, description="Texel size, scene units; absent = chosen from the photos")
+
+    @model_validator(mode="after")
+    def _right_angles(self) -> RectangleConfig:
+        u, v = np.array(self.u), np.array(self.v)
+        lengths = np.linalg.norm(u) * np.linalg.norm(v)
+        if not lengths > 0 or abs(u @ v) > 1e-6 * lengths:
+            raise ValueError(f"rectangle {self.name!r}: u and v must be edges at right angles, got {self.u}, {self.v}")
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Rectangle:
+    """A support rectangle of a given resolution.
+
+    Attributes
+    ----------
+    name : str
+    origin, u, v : (3,) float64
+        Corner and whole edges, world; u x v points into the scene.
+    width, height : int
+        Texels along u and v.
+    center : (3,) float64 or None
+        Centre of a perspective projection; None = parallel.
+    """
+
+    name: str
+    origin: Array
+    u: Array
+    v: Array
+    width: int
+    height: int
+    center: Array | None = None
+
+    @property
+    def f(self) -> Array:
+        """Unit normal, into the scene."""
+        normal = np.cross(self.u, self.v)
+        return normal / np.linalg.norm(normal)
+
+    @property
+    def edges(self) -> ParallelFrame:
+        """Parallel frame whose a and b are the whole edges (u and v run from 0 to 1)."""
+        return ParallelFrame(self.origin, self.u, self.v, self.f)
+
+    @property
+    def frame(self) -> ParallelFrame | Camera:
+        """Frame of the layered depth image."""
+        a, b = self.u / self.width, self.v / self.height
+        if self.center is None:
+            return ParallelFrame(self.origin, a, b, self.f)
+        x, y = a / np.linalg.norm(a), b / np.linalg.norm(b)
+        rotation = np.stack([x, y, self.f])
+        corner = rotation @ (self.origin - self.center)
+        if not corner[2] > 0:
+            raise ConfigError(f"rectangle {self.name!r}: the centre must lie behind it, on the side away from u x v")
+        fx, fy = corner[2] / np.linalg.norm(a), corner[2] / np.linalg.norm(b)
+        K = [[fx, 0, -fx * corner[0] / corner[2]], [0, fy, -fy * corner[1] / corner[2]], [0, 0, 1]]
+        pose = np.concatenate([rotation, (-rotation @ self.center)[:, None]], axis=1)
+        return Camera(np.array(K), pose, self.width, self.height)
+
+    def rays(self) -> tuple[Array, Array]:
+        """Origins and directions (H * W, 3) float64 through the texel centres; t along them is the layer's depth."""
+        c, r = np.meshgrid((np.arange(self.width) + 0.5) / self.width, (np.arange(self.height) + 0.5) / self.height)
+        points = self.origin + c.reshape(-1, 1) * self.u + r.reshape(-1, 1) * self.v
+        if self.center is None:
+            return points, np.broadcast_to(self.f, points.shape)
+        away = points - self.center
+        return np.broadcast_to(self.center, points.shape), away / (away @ self.f)[:, None]
+
+    def facing(self, points: Array, normals: Array) -> Array:
+        """(N,) float64 cosine between normals and the way back to the rectangle; -1 outside its volume."""
+        local = points - self.origin
+        depth = local @ self.f
+        if self.center is None:
+            toward, at = np.broadcast_to(-self.f, points.shape), local
+        else:
+            back = self.center - points
+            toward = back / np.linalg.norm(back, axis=1, keepdims=True)
+            reach = -(back @ self.f)
+            near = (self.origin - self.center) @ self.f
+            with np.errstate(divide="ignore", invalid="ignore"):
+                at = self.center - back * (near / reach)[:, None] - self.origin
+            depth = reach
+        u, v = at @ self.u / (self.u @ self.u), at @ self.v / (self.v @ self.v)
+        inside = (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1) & (depth >= 0)
+        return np.where(inside, (normals * toward).sum(axis=1), -1.0)
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values for plan.json."""
+        return {
+            "name": self.name,
+            "projection": "parallel" if self.center is None else "perspective",
+            "origin": self.origin.tolist(),
+            "u": self.u.tolist(),
+            "v": self.v.tolist(),
+            "center": None if self.center is None else self.center.tolist(),
+            "width": self.width,
+            "height": self.height,
+        }
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> Rectangle:
+        """Read what `as_json` wrote."""
+        center = None if data["center"] is None else np.array(data["center"])
+        vectors = (np.array(data[key], float) for key in ("origin", "u", "v"))
+        return cls(data["name"], *vectors, data["width"], data["height"], center)
+
+
+def sized(config: RectangleConfig, texel: float) -> Rectangle:
+    """Give a user's rectangle its resolution."""
+    step = config.texel or texel
+    u, v = np.array(config.u), np.array(config.v)
+    width, height = (max(1, round(float(np.linalg.norm(edge)) / step)) for edge in (u, v))
+    center = None if config.center is None else np.array(config.center)
+    return Rectangle(config.name, np.array(config.origin), u, v, width, height, center)
+
+
+def bounding_box(mesh: Mesh) -> tuple[Array, Array, Array, str]:
+    """Return (centre, axes, half sizes, reason) of the box: the oriented one only where it is clearly smaller.
+
+    Axes are rows of a rotation matrix, ordered and signed so as to stay close to the world's.
+    """
+    from ibrpipe.embree import import_open3d
+
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    aligned = float(np.prod(high - low))
+    o3d = import_open3d()
+    cloud = o3d.utility.Vector3dVector(mesh.vertices - low)
+    try:
+        box = o3d.geometry.OrientedBoundingBox.create_from_points_minimal(cloud, robust=True)
+    except RuntimeError:  # a flat mesh has no hull
+        return (low + high) / 2, np.eye(3), (high - low) / 2, "the mesh is flat, so its box is axis-aligned"
+    if float(np.prod(box.extent)) > 0.9 * aligned:
+        why = f"axis-aligned box: the best oriented one saves only {100 * (1 - np.prod(box.extent) / aligned):.0f} %"
+        return (low + high) / 2, np.eye(3), (high - low) / 2, why
+    axes, half = _near_world(np.array(box.R).T, np.array(box.extent) / 2)
+    why = f"oriented box: it is {100 * (1 - np.prod(box.extent) / aligned):.0f} % smaller than the axis-aligned one"
+    return np.array(box.center) + low, axes, half, why
+
+
+def _near_world(axes: Array, half: Array) -> tuple[Array, Array]:
+    """Reorder and flip axes so that each lies nearest its world axis, determinant +1."""
+    left, order = [0, 1, 2], []
+    for world in range(3):
+        order.append(max(left, key=lambda i: abs(axes[i][world])))
+        left.remove(order[-1])
+    axes, half = axes[order].copy(), half[order]
+    for i in range(3):
+        if axes[i, i] < 0:
+            axes[i] *= -1
+    if np.linalg.det(axes) < 0:
+        axes[2] *= -1
+    return axes, half
+
+
+def box_faces(center: Array, axes: Array, half: Array, texel: float) -> list[Rectangle]:
+    """Return the six faces of a box as parallel rectangles, sides upright, with one texel of margin."""
+    half = np.maximum(half, texel) + texel
+    faces = []
+    for axis, name in enumerate("xyz"):
+        for sign, mark in ((1.0, "+"), (-1.0, "-")):
+            f = -sign * axes[axis]
+            v = -axes[2] if axis < 2 else -axes[1]  # rows run down the picture
+            u = np.cross(v, f)
+            hu, hv = (float(np.abs(axes @ edge) @ half) for edge in (u, v))
+            width, height = max(2, round(2 * hu / texel)), max(2, round(2 * hv / texel))
+            corner = center - f * half[axis] - u * hu - v * hv
+            faces.append(Rectangle(mark + name, corner, 2 * hu * u, 2 * hv * v, width, height))
+    return faces
