@@ -1,0 +1,47 @@
+"""Rays of a pinhole camera in the coordinates of one field, in float64.
+
+A field's coordinates are homogeneous, ``(x, y, n, q) = P + t * Q @ (px, py, 1)`` with camera depth t, so that one code
+serves both kinds of frame: cells ``u = x/q``, ``v = y/q`` and depth ``d = n/q``. Parallel frames have q = 1 and d along
+f; perspective frames have q = z and n = -1, that is d = -1/z, in which rays and planes stay straight (schaufler1999,
+eq. 1) and which also grows away from the camera.
+
+Symbols: ``box = (columns, rows, least d, greatest d)``, u in [0, columns], v in [0, rows]; a clipped ray runs from A
+(s = 0, t = ta) to B (s = 1, t = tb), ``t(s) = ta + (tb - ta) * s qa / ((1 - s) qb + s qa)``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ibrpipe.core.jit import inlined
+
+
+@inlined
+def clip_side(alpha, beta, near, far):
+    # keep the part of [near, far] where alpha + t * beta >= 0
+    if beta > 0.0:
+        near = max(near, -alpha / beta)
+    elif beta < 0.0:
+        far = min(far, -alpha / beta)
+    elif alpha < 0.0:
+        far = -np.inf
+    return near, far
+
+
+@inlined
+def clip_box(start, x, y, n, q, box, far):
+    # start (4,), (x, y, n, q) change per t -> (ta, tb); the ray misses the box unless ta <= tb
+    near = 0.0
+    near, far = clip_side(start[0], x, near, far)
+    near, far = clip_side(box[0] * start[3] - start[0], box[0] * q - x, near, far)
+    near, far = clip_side(start[1], y, near, far)
+    near, far = clip_side(box[1] * start[3] - start[1], box[1] * q - y, near, far)
+    near, far = clip_side(start[2] - box[2] * start[3], n - box[2] * q, near, far)
+    near, far = clip_side(box[3] * start[3] - start[2], box[3] * q - n, near, far)
+    return near, far
+
+
+@inlined
+def depth_at(s, near, far, qa, qb):
+    # camera depth t of parameter s on the clipped ray
+    return near + (far - near) * (s * qa) / ((1.0 - s) * qb + s * qa)

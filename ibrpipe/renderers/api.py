@@ -1,0 +1,144 @@
+"""The public functions `prepare`, `render` and `renderers`: they check, choose the renderer, and call it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers.registry import check_options, find_renderer, registered
+from ibrpipe.types import Asset, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
+
+#: what a frame can hold
+OUTPUTS = ("color", "depth", "alpha")
+
+Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Sources with the tables and pyramids that one renderer needs; made by `prepare`, accepted by `render`.
+
+    Attributes
+    ----------
+    renderer : str
+    sources : tuple
+        The textures, in the order given; an asset counts as its textures.
+    data : object
+        Belongs to the renderer.
+    bytes : int
+        Bytes held beyond the sources.
+    """
+
+    renderer: str
+    sources: tuple[Texture, ...]
+    data: Any
+    bytes: int
+
+
+Source = Texture | Asset | Prepared | Sequence["Texture | Asset"]
+
+
+def prepare(source: Source, renderer: str = "ldi") -> Prepared:
+    """Build once what `renderer` needs to render `source`.
+
+    Parameters
+    ----------
+    source : ReliefTexture, DepthImage, LayeredDepthImage, SpiralTexture, Asset, or a list of these
+    renderer : str
+        A name from `renderers`.
+
+    Returns
+    -------
+    Prepared
+
+    Raises
+    ------
+    RendererError
+        Unknown renderer, nothing to render, or a source that it cannot take.
+    """
+    chosen = find_renderer(renderer)
+    if isinstance(source, Prepared):
+        if source.renderer != renderer:
+            raise RendererError(f"this was prepared for {source.renderer!r}, not {renderer!r}; prepare the source anew")
+        return source
+    textures = tuple(_flatten(source))
+    if not textures:
+        raise RendererError("there is nothing to render: the list or asset is empty; give at least one texture")
+    for texture in textures:
+        if type(texture).__name__ not in chosen.accepts:
+            raise RendererError(
+                f"renderer {renderer!r} cannot take a {type(texture).__name__}; it takes: {', '.join(chosen.accepts)}"
+            )
+    data = chosen.load().prepare(textures)
+    return Prepared(renderer, textures, data, int(data.bytes))
+
+
+def render(
+    source: Source,
+    camera: Camera,
+    renderer: str = "ldi",
+    outputs: Iterable[str] = OUTPUTS,
+    **options: Any,
+) -> Frame:
+    """Render `source` as `camera` sees it.
+
+    Parameters
+    ----------
+    source : a source, a list of sources (composited by depth), an Asset, or what `prepare` returned
+    camera : Camera
+    renderer : str
+        A name from `renderers`.
+    outputs : names among "color", "depth", "alpha"
+        What is not asked for is not computed.
+    **options
+        Options of the renderer; `renderers` lists them.
+
+    Returns
+    -------
+    Frame
+        Colour (H, W, 3) linear, depth (H, W) along camera z with +inf where nothing is hit, alpha (H, W); all float32.
+
+    Raises
+    ------
+    RendererError
+        Unknown renderer, output, option or kind of source.
+    """
+    chosen = find_renderer(renderer)
+    check_options(chosen, options)
+    wanted = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+    for name in wanted:
+        if name not in OUTPUTS:
+            raise RendererError(f"unknown output {name!r}; choose among: {', '.join(OUTPUTS)}")
+    if not isinstance(camera, Camera):
+        raise RendererError(f"camera must be a Camera, got {type(camera).__name__}; build one with ibrpipe.Camera")
+    prepared = prepare(source, renderer)
+    frame: Frame = chosen.load().draw(prepared.data, camera, wanted, **options)
+    return frame
+
+
+def renderers() -> dict[str, dict[str, Any]]:
+    """Return, by name, what each renderer can render, its paper, its limits and its options."""
+    return {
+        name: {
+            "summary": entry.summary,
+            "paper": entry.paper,
+            "limits": entry.limits,
+            "accepts": list(entry.accepts),
+            "options": dict(entry.options),
+        }
+        for name, entry in registered().items()
+    }
+
+
+def _flatten(source: Any) -> Iterable[Texture]:
+    if isinstance(source, Asset):
+        yield from source.textures
+    elif isinstance(source, list | tuple):
+        for part in source:
+            if isinstance(part, Prepared):
+                raise RendererError("a list cannot hold prepared sources; prepare the whole list instead")
+            yield from _flatten(part)
+    else:
+        yield source

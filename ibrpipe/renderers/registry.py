@@ -1,0 +1,86 @@
+"""The renderers by name. A renderer is a module with `prepare` and `draw`, imported when it is first used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+from ibrpipe.errors import RendererError
+
+
+@dataclass(frozen=True)
+class Renderer:
+    """What is known of a renderer before it is loaded.
+
+    Attributes
+    ----------
+    name : str
+    module : str
+        Module with ``prepare(sources) -> object`` and ``draw(data, camera, outputs, **options) -> Frame``.
+    summary, paper, limits : str
+        One sentence each: what it does, where it comes from, what it cannot do.
+    accepts : tuple of str
+        Kinds of source that it renders.
+    options : mapping
+        Name of each option of `draw` and what it does.
+    """
+
+    name: str
+    module: str
+    summary: str
+    paper: str
+    limits: str
+    accepts: tuple[str, ...]
+    options: Mapping[str, str]
+
+    def load(self) -> ModuleType:
+        """Import the module that renders."""
+        return import_module(self.module)
+
+
+_RENDERERS = (
+    Renderer(
+        name="ldi",
+        module="ibrpipe.renderers.ldi",
+        summary="Exact nearest hit by ray search through min/max pyramids, with depth-corrected spiral residuals.",
+        paper="gong-yang, sec. 5",
+        limits="Pinhole cameras; nearest surface only, no transparency.",
+        accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Asset"),
+        options={
+            "residuals": "add the view-dependent residuals where a texture has them (default True)",
+            "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
+        },
+    ),
+)
+
+
+def registered() -> dict[str, Renderer]:
+    """Return all renderers by name."""
+    return {renderer.name: renderer for renderer in _RENDERERS}
+
+
+def find_renderer(name: str) -> Renderer:
+    """Return the renderer called `name`.
+
+    Raises
+    ------
+    RendererError
+        There is none; the message names those that exist.
+    """
+    known = registered()
+    if name not in known:
+        raise RendererError(f"unknown renderer {name!r}; use one of: {', '.join(sorted(known))}")
+    return known[name]
+
+
+def check_options(renderer: Renderer, options: Mapping[str, Any]) -> None:
+    """Raise `RendererError` when `options` names one that the renderer does not have."""
+    unknown = sorted(set(options) - set(renderer.options))
+    if unknown:
+        raise RendererError(
+            f"renderer {renderer.name!r} has no option {unknown[0]!r}; its options are: "
+            f"{', '.join(sorted(renderer.options))}"
+        )
