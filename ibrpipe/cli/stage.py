@@ -22,7 +22,7 @@ from ibrpipe.cli.show import display, told
 from ibrpipe.errors import ConfigError, MissingFileError
 from ibrpipe.io.manifest import Hasher, Manifest, read_manifest
 from ibrpipe.stages.executor import executor
-from ibrpipe.stages.registry import STAGES, load_stage, load_stages
+from ibrpipe.stages.registry import STAGES, load_stage
 from ibrpipe.stages.runner import Job, run_job
 from ibrpipe.stages.settings import Key, Settings, validated
 from ibrpipe.stages.stage import Stage
@@ -110,7 +110,8 @@ def _keys(stage: Stage, run: Path | None) -> dict[str, str]:
     """Return the keys of what the stage reads, as the runner would find them."""
     if run is None:
         return {}
-    found = {each.name: read_manifest(run / each.place) for each in load_stages() if each.name in stage.needs}
+    earlier = (load_stage(name) for name in stage.needs if name in STAGES)
+    found = {each.name: read_manifest(run / each.place) for each in earlier}
     return {name: manifest.key for name, manifest in found.items() if manifest is not None}
 
 

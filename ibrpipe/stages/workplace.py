@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -57,14 +57,36 @@ def only_run(folder: Path) -> Iterator[None]:
         Another process works in it.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / ".lock").open("a") as handle:
-        try:
-            _lock(handle)
-        except BlockingIOError as error:
-            raise ResourceError(
-                f"another ibrpipe works in {folder}; wait until it ends or choose another folder with --out"
-            ) from error
+    path = folder / ".lock"
+    handle = _held(path)
+    while not _is_at(handle, path):  # its last holder removed it between our opening and locking it
+        handle.close()
+        handle = _held(path)
+    try:
         yield
+    finally:
+        with suppress(PermissionError):  # Windows keeps files that are open
+            path.unlink()
+        handle.close()
+
+
+def _held(path: Path) -> IO[str]:
+    handle = path.open("a")
+    try:
+        _lock(handle)
+    except BlockingIOError as error:
+        handle.close()
+        raise ResourceError(
+            f"another ibrpipe works in {path.parent}; wait until it ends or choose another folder with --out"
+        ) from error
+    return handle
+
+
+def _is_at(handle: IO[str], path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(handle.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _lock(handle: IO[str]) -> None:

@@ -1,0 +1,45 @@
+"""``ibrpipe demo``: the whole job on a capture that comes out of the program itself."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ibrpipe.cli.figures import print_table, score_table
+from ibrpipe.cli.options import PATH, example, json_option, workers_option
+from ibrpipe.cli.run import run_shown, summary
+from ibrpipe.cli.show import display, size
+from ibrpipe.cli.synth import made
+from ibrpipe.stages.executor import executor
+from ibrpipe.stages.pipeline import load_pipeline
+from ibrpipe.stages.runner import Run
+from ibrpipe.stages.workplace import only_run
+from ibrpipe.synthetic.capture import SynthConfig
+
+
+@click.command(name="demo", epilog=example("ibrpipe demo --out demo"))
+@click.option("--out", type=PATH, metavar="DIR", default="demo", show_default=True, help="Folder to write.")
+@click.pass_context
+def command(ctx: click.Context, out: Path, **shared: Any) -> None:
+    """Photograph a synthetic glossy object, make an asset of the photos, and measure it on views held out.
+
+    Takes under two minutes on two cores. A second call only does what is not there yet.
+    """
+    pipeline = load_pipeline(Path("demo"))
+    capture = out / "capture"
+    with executor(shared["workers"]), display() as shown, only_run(out):
+        made("glossy", capture, SynthConfig(seed=pipeline.seed), shown)
+    done = run_shown(Run(pipeline, out, capture), shared["workers"], None)
+    if shared["as_json"]:
+        click.echo(json.dumps(summary(out, done), indent=2))
+        return
+    metrics = json.loads((out / "report" / "metrics.json").read_text(encoding="utf-8"))
+    print_table(score_table(metrics))
+    click.echo("size: " + ", ".join(f"{name} {size(count)}" for name, count in metrics["bytes"].items()))
+    click.echo(f"report: {(out / 'report' / 'report.html').resolve()}")
+
+
+command.params += [workers_option, json_option]

@@ -1,0 +1,112 @@
+"""What is in a folder or file of ibrpipe, as plain facts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ibrpipe.errors import FormatError, MissingFileError
+from ibrpipe.io.manifest import RUN_NAME, files_below, read_manifest
+from ibrpipe.stages.registry import load_stages
+
+Facts = dict[str, Any]
+
+
+def describe(path: Path) -> Facts:
+    """Return the facts about a capture folder, a run folder, an asset folder or a ``views.json``; ``kind`` says which.
+
+    Raises
+    ------
+    MissingFileError
+        There is nothing at `path`.
+    IbrError
+        What is there cannot be read.
+    """
+    if not path.exists():
+        raise MissingFileError(f"{path} does not exist; expected a capture, run or asset folder, or a views.json")
+    if path.is_file():
+        return _views(path)
+    if (path / "asset.json").is_file():
+        return _asset(path)
+    if (path / RUN_NAME).is_file():
+        return _run(path)
+    if (path / "views.json").is_file():
+        return _views(path / "views.json")
+    return _capture(path)
+
+
+def read_object(path: Path) -> Facts:
+    """Return the JSON object in a file.
+
+    Raises
+    ------
+    FormatError
+        There is no JSON object in it.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise FormatError(f"{path}: not JSON ({error}); was it cut off or edited?") from error
+    if not isinstance(content, dict):
+        raise FormatError(f"{path}: expected a JSON object, got {type(content).__name__}")
+    return content
+
+
+def bytes_below(folder: Path) -> int:
+    """Return the sizes of the files below `folder`, manifests left out, in bytes."""
+    return sum(path.stat().st_size for path in files_below(folder))
+
+
+def _capture(path: Path) -> Facts:
+    from ibrpipe.io.captures import read_capture
+    from ibrpipe.io.meshes import read_mesh
+
+    capture = read_capture(path)
+    facts: Facts = {"kind": "capture", "path": str(path)}
+    facts |= {"photos": len(capture.train), "held_out": len(capture.test), "sizes": _sizes(capture.train)}
+    facts |= {"masks": sum(1 for view in capture.train if view.mask or view.mask_from_alpha)}
+    facts |= {"photo_bytes": sum(view.image.stat().st_size for view in (*capture.train, *capture.test))}
+    facts |= {"exposure": capture.exposure, "true_depth": sum(1 for view in capture.test if view.depth)}
+    facts["mesh"] = None
+    if capture.mesh is not None:
+        mesh = read_mesh(capture.mesh)
+        facts["mesh"] = {"file": capture.mesh.name, "vertices": len(mesh.vertices), "faces": len(mesh.faces)}
+    return facts | {"notes": list(capture.notes)}
+
+
+def _views(path: Path) -> Facts:
+    from ibrpipe.io.views import read_views
+
+    views = read_views(path)
+    facts: Facts = {"kind": "views", "path": str(path), "photos": len(views.train), "held_out": len(views.test)}
+    return facts | {"sizes": _sizes(views.train), "mesh": None if views.mesh is None else str(views.mesh)}
+
+
+def _sizes(views: Sequence[Any]) -> list[str]:
+    return sorted({f"{view.camera.width} x {view.camera.height}" for view in views})
+
+
+def _run(path: Path) -> Facts:
+    facts: Facts = {"kind": "run", "path": str(path), **read_object(path / RUN_NAME)}
+    facts.pop("settings", None)
+    facts["stages"] = {}
+    for stage in load_stages():
+        manifest = read_manifest(path / stage.place)
+        if manifest is not None:
+            facts["stages"][stage.name] = {
+                "seconds": manifest.seconds,
+                "peak_memory_bytes": manifest.peak_memory_bytes,
+                "bytes": sum(manifest.files.values()),
+            }
+    metrics = path / "report" / "metrics.json"
+    if metrics.is_file():
+        content = read_object(metrics)
+        facts["metrics"] = {name: content[name] for name in ("mean", "renderers", "baselines", "bytes")}
+    return facts
+
+
+def _asset(path: Path) -> Facts:
+    content = read_object(path / "asset.json")
+    return {"kind": "asset", "path": str(path), "bytes": bytes_below(path), **content}

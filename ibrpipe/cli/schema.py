@@ -1,0 +1,61 @@
+"""``ibrpipe schema``: the JSON Schemas of what is on disk, made of the models that read and write it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+from pydantic import BaseModel
+
+from ibrpipe.cli.options import PATH, example
+from ibrpipe.errors import MissingFileError
+
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def models() -> dict[str, type[BaseModel]]:
+    """Return every model of a file on disk, by the name of its schema."""
+    from ibrpipe.io.manifest import Manifest
+    from ibrpipe.stages.metrics import MetricsModel
+    from ibrpipe.stages.pipeline import pipeline_model
+    from ibrpipe.stages.registry import load_stages
+
+    return {"manifest": Manifest, "metrics": MetricsModel, "pipeline": pipeline_model(load_stages())}
+
+
+def schema_text(name: str, model: type[BaseModel]) -> str:
+    """Return the schema of one model as the text of its file."""
+    schema: dict[str, Any] = {"$schema": _DIALECT, **model.model_json_schema(mode="validation")}
+    schema["title"] = name
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+@click.command(name="schema", epilog=example("ibrpipe schema pipeline", "ibrpipe schema --out data_specs"))
+@click.argument("name", required=False)
+@click.option("--out", type=PATH, metavar="DIR", help="Write NAME.schema.json files into this folder.")
+def command(name: str | None, out: Path | None) -> None:
+    """Print the JSON Schema NAME, or write all of them to a folder; without either, list their names."""
+    known = models()
+    if name is not None and name not in known:
+        from ibrpipe.stages.registry import closest
+
+        raise click.UsageError(f'there is no schema "{name}"; {closest(name, known)}')
+    chosen = known if name is None else {name: known[name]}
+    if out is not None:
+        write_schemas(out, chosen)
+    elif name is not None:
+        click.echo(schema_text(name, known[name]), nl=False)
+    else:
+        click.echo("\n".join(known))
+
+
+def write_schemas(folder: Path, chosen: dict[str, type[BaseModel]]) -> None:
+    """Write the schemas of `chosen` into `folder`."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise MissingFileError(f"{folder} is a file; give a folder with --out") from error
+    for name, model in chosen.items():
+        (folder / f"{name}.schema.json").write_text(schema_text(name, model), encoding="utf-8")
