@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,17 @@ SRGB = "srgb_rec709_scene"
 FIXED_DATE = "2000:01:01 00:00:00"
 #: Words in an ICC profile's description -> name of the colour space in OpenColorIO's built-in config
 _PROFILES = {"adobe rgb": "AdobeRGB", "display p3": "srgb_p3d65_scene", "srgb": SRGB}
-_HALF_TURNS = {1: (0, False), 2: (0, True), 3: (2, False), 4: (2, True), 5: (1, True), 6: (3, False), 7: (3, True)}
+#: EXIF orientation -> quarter turns counter-clockwise, then mirrored left to right
+_TURNS = {
+    1: (0, False),
+    2: (0, True),
+    3: (2, False),
+    4: (2, True),
+    5: (3, True),
+    6: (3, False),
+    7: (1, True),
+    8: (1, False),
+}
 
 
 @dataclass(frozen=True)
@@ -213,9 +224,7 @@ def _open(path: Path) -> Any:
 
 
 def _header(spec: Any) -> ImageHeader:
-    integer = spec.format.is_floating_point is False if hasattr(spec.format, "is_floating_point") else None
-    if integer is None:
-        integer = str(spec.format) not in ("half", "float", "double")
+    integer = str(spec.format) not in ("half", "float", "double")
     metadata = {}
     for key in ("ExposureTime", "FNumber", "Exif:PhotographicSensitivity"):
         value = spec.get_float_attribute(key, float("nan"))
@@ -277,14 +286,12 @@ def _colour_channels(names: tuple[str, ...]) -> list[str]:
 
 def _linear(pixels: Array, colours: int, space: str, path: Path) -> Array:
     """Convert the first `colours` channels to linear Rec.709 and the rest to 0..1; float32."""
-    import OpenImageIO as oiio
-
     levels = np.iinfo(pixels.dtype).max + 1 if np.issubdtype(pixels.dtype, np.integer) else 0
-    config = oiio.ColorConfig()
+    config = _color_config()
     if config.getColorSpaceIndex(space) < 0:
         raise FormatError(f"{path}: unknown colour space {space!r}; expected a name such as {SRGB}, {LINEAR}, AdobeRGB")
     if levels and config.equivalent(space, SRGB):
-        linear = decode_table(levels)[pixels]
+        linear = _table(levels)[pixels]
         linear[:, :, colours:] = pixels[:, :, colours:] / np.float32(levels - 1)
         return linear
     linear = pixels.astype(np.float32) / np.float32(levels - 1) if levels else pixels.astype(np.float32)
@@ -293,12 +300,25 @@ def _linear(pixels: Array, colours: int, space: str, path: Path) -> Array:
     return linear
 
 
+@lru_cache(maxsize=1)
+def _color_config() -> Any:
+    """OpenColorIO's built-in config, whatever the environment says: results must not depend on it."""
+    import OpenImageIO as oiio
+
+    return oiio.ColorConfig("ocio://default")
+
+
+@lru_cache(maxsize=2)
+def _table(levels: int) -> Array:
+    return decode_table(levels)
+
+
 def _converted(colour: Array, space: str, path: Path) -> Array:
     """Convert (H, W, 1 or 3) from a named space to linear Rec.709 through OpenColorIO's built-in config."""
     import OpenImageIO as oiio
 
     buffer = oiio.ImageBuf(np.ascontiguousarray(np.broadcast_to(colour, (*colour.shape[:2], 3))))
-    result = oiio.ImageBufAlgo.colorconvert(buffer, space, LINEAR)
+    result = oiio.ImageBufAlgo.colorconvert(buffer, space, LINEAR, colorconfig="ocio://default")
     if result.has_error:
         raise FormatError(f"{path}: colours do not convert from {space!r} ({_one_line(result.geterror())})")
     return np.asarray(result.get_pixels(oiio.FLOAT))[:, :, : colour.shape[2]]
@@ -311,9 +331,7 @@ def _unpremultiply(linear: Array) -> None:
 
 def _turn(picture: Array, orientation: int) -> Array:
     """Obey an EXIF orientation 1..8."""
-    if orientation == 8:
-        return np.ascontiguousarray(np.rot90(picture, 1))
-    quarter_turns, mirrored = _HALF_TURNS[orientation]
+    quarter_turns, mirrored = _TURNS[orientation]
     turned = np.rot90(picture, quarter_turns)
     return np.ascontiguousarray(turned[:, ::-1] if mirrored else turned)
 

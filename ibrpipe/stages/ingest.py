@@ -17,6 +17,7 @@ from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, 
 from ibrpipe.io.lenses import Keep
 from ibrpipe.io.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import View, ViewSet, write_views
+from ibrpipe.stages.audit import Limits, audit_capture, stop_on_errors, write_audit
 from ibrpipe.stages.stage import Stage
 from ibrpipe.types import Mesh
 
@@ -42,6 +43,21 @@ class IngestConfig(StageConfig):
     max_pixels: int | None = Field(
         None, ge=64, description="Photos with more pixels are shrunk to at most this many on loading; none = never"
     )
+    blur_deviations: float = Field(
+        3.5,
+        gt=0,
+        le=100,
+        description="A photo is called blurred when it is this many robust deviations below the median",
+    )
+    clipped_share: float = Field(
+        0.05, ge=0, le=1, description="Share of clipped pixels inside the mask from which on a photo is warned about"
+    )
+    thin_share: float = Field(
+        0.05,
+        ge=0,
+        le=1,
+        description="Share of the surface seen by fewer than 3 photos from which on a warning is given",
+    )
 
 
 @dataclass(frozen=True)
@@ -59,10 +75,11 @@ class Outputs:
     views: Path
     mesh: Path
     audit: Path
+    summary: Path
 
 
 def run(inputs: Inputs, config: IngestConfig) -> Outputs:
-    """Check a capture and write ``views.json``, ``mesh.ply`` and ``audit.json``.
+    """Check a capture and write ``views.json``, ``mesh.ply``, ``audit.json`` and ``audit.txt``.
 
     Raises
     ------
@@ -72,15 +89,16 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
     options = CaptureOptions(
         config.hold_out_every, config.exposure, config.orientation, config.undistort, config.color_space
     )
-    capture = read_capture(inputs.capture, options)
+    capture = _shrunk(read_capture(inputs.capture, options), config.max_pixels)
     mesh = _mesh(capture)
-    views = _view_set(capture, config.max_pixels, inputs.out / "mesh.ply")
-    outputs = Outputs(inputs.out / "views.json", inputs.out / "mesh.ply", inputs.out / "audit.json")
+    audit = audit_capture(capture, mesh, _limits(config))
+    stop_on_errors(audit)
     inputs.out.mkdir(parents=True, exist_ok=True)
-    write_mesh(mesh, outputs.mesh)
-    write_views(views, outputs.views)
-    outputs.audit.write_text("{}\n", encoding="utf-8")
-    return outputs
+    views, surface = inputs.out / "views.json", inputs.out / "mesh.ply"
+    write_mesh(mesh, surface)
+    write_views(_view_set(capture, surface), views)
+    findings, text = write_audit(audit, capture, inputs.out)
+    return Outputs(views, surface, findings, text)
 
 
 def _mesh(capture: Capture) -> Mesh:
@@ -95,10 +113,18 @@ def _mesh(capture: Capture) -> Mesh:
         raise CaptureError(str(error)) from error
 
 
-def _view_set(capture: Capture, max_pixels: int | None, mesh: Path) -> ViewSet:
-    info = {"capture": str(capture.root), "exposure": capture.exposure, "notes": list(capture.notes)}
+def _limits(config: IngestConfig) -> Limits:
+    return Limits(blurred=config.blur_deviations, clipped=config.clipped_share, thin=config.thin_share)
+
+
+def _shrunk(capture: Capture, max_pixels: int | None) -> Capture:
     train = tuple(shrink_view(view, max_pixels) for view in capture.train)
-    return ViewSet(train, tuple(shrink_view(view, max_pixels) for view in capture.test), mesh, info)
+    return replace(capture, train=train, test=tuple(shrink_view(view, max_pixels) for view in capture.test))
+
+
+def _view_set(capture: Capture, mesh: Path) -> ViewSet:
+    info = {"capture": str(capture.root), "exposure": capture.exposure, "notes": list(capture.notes)}
+    return ViewSet(capture.train, capture.test, mesh, info)
 
 
 def shrink_view(view: View, max_pixels: int | None) -> View:

@@ -1,0 +1,401 @@
+"""What is wrong, doubtful or noteworthy in a capture, found before anything expensive runs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ibrpipe.core.color import luminance, srgb_decode, srgb_encode
+from ibrpipe.embree import MeshCaster
+from ibrpipe.errors import CaptureError, IbrError
+from ibrpipe.io.captures import Capture
+from ibrpipe.io.images import read_header
+from ibrpipe.io.views import View, load_depth, load_view
+from ibrpipe.progress import track
+from ibrpipe.stages.coverage import SurfacePoints, agreement, seen_points, spread_points
+from ibrpipe.types import Array, Mesh
+
+Severity = Literal["error", "warning", "note"]
+
+#: Coded values above 254.5 of 255 count as clipped
+CLIPPED = float(srgb_decode(np.float64(254.5 / 255.0)))
+#: Coded values below 1.5 of 255 count as black
+BLACK = float(srgb_decode(np.float64(1.5 / 255.0)))
+#: The robust spread of a normal distribution is this times the median absolute deviation
+_MAD = 1.4826
+_MARK = {"error": "ERROR", "warning": "warning", "note": "note"}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that the audit found.
+
+    Attributes
+    ----------
+    severity : {"error", "warning", "note"}
+        Errors stop the pipeline.
+    kind : str
+        Short fixed word, such as ``blurred``.
+    file : str
+        What it is about.
+    value, expected, remedy : str
+        What was met, what would be right, what to do.
+    """
+
+    severity: Severity
+    kind: str
+    file: str
+    value: str
+    expected: str
+    remedy: str
+
+    @property
+    def line(self) -> str:
+        """The finding as one sentence."""
+        return f"{self.file}: {self.value}; expected {self.expected}: {self.remedy}"
+
+
+@dataclass(frozen=True)
+class PhotoFigures:
+    """What was measured in one photo.
+
+    Attributes
+    ----------
+    sharpness : float
+        Variance of the Laplacian over the variance of the sRGB-coded luminance, inside the mask.
+    clipped, black : float
+        Share of the mask's pixels with a channel at its top, with all channels at the bottom.
+    covered : float
+        Share of the picture that the mask keeps.
+    seen : float
+        Share of the surface's area that the photo sees.
+    overlap : float or None
+        Mask against the mesh's outline, intersection over union; None without a mask.
+    """
+
+    name: str
+    held_out: bool
+    sharpness: float
+    clipped: float
+    black: float
+    covered: float
+    seen: float
+    overlap: float | None
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Findings, the figures behind them, and how many photos see the surface."""
+
+    findings: tuple[Finding, ...]
+    photos: tuple[PhotoFigures, ...]
+    surface: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """Findings that stop the pipeline."""
+        return tuple(finding for finding in self.findings if finding.severity == "error")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """From where on a figure becomes a warning.
+
+    Attributes
+    ----------
+    blurred : float
+        Sharpness below the median by this many robust deviations (of its logarithm), and below half of it.
+    clipped, black, thin : float
+        Shares of the mask's pixels; share of the surface that fewer than three photos see.
+    overlap : float
+        Intersection over union of mask and mesh outline.
+    samples : int
+        Points spread over the surface.
+    """
+
+    blurred: float = 3.5
+    clipped: float = 0.05
+    black: float = 0.5
+    thin: float = 0.05
+    overlap: float = 0.7
+    samples: int = 20000
+
+
+def audit_capture(capture: Capture, mesh: Mesh, limits: Limits | None = None) -> Audit:
+    """Look at every photo once and at the surface through all of them.
+
+    Parameters
+    ----------
+    capture : Capture
+    mesh : Mesh
+    limits : Limits, optional
+
+    Returns
+    -------
+    Audit
+    """
+    limits = limits or Limits()
+    findings = _count_findings(capture) + _pose_findings(capture.train, capture.test)
+    points, caster = spread_points(mesh, limits.samples), MeshCaster(mesh)
+    observers = np.zeros(len(points.position), np.int32)
+    photos: list[PhotoFigures] = []
+    backs: list[float] = []
+    for view in track(capture.train + capture.test, "audit"):
+        try:
+            figures, seen, back = _look(view, points, caster)
+        except (IbrError, MemoryError) as error:
+            findings.append(_damaged(view, error))
+            continue
+        if figures.covered == 0:
+            findings.append(_empty_mask(view))
+        photos.append(figures)
+        backs.append(back)
+        observers += seen * (not view.held_out)
+    findings += _photo_findings(photos, limits)
+    surface = _surface(observers)
+    findings += _surface_findings(surface, photos, backs, capture, limits)
+    findings += [Finding("note", "decided", capture.root.name, text, "this", "nothing to do") for text in capture.notes]
+    order = {"error": 0, "warning": 1, "note": 2}
+    return Audit(tuple(sorted(findings, key=lambda finding: order[finding.severity])), tuple(photos), surface)
+
+
+def stop_on_errors(audit: Audit) -> None:
+    """Raise the first error in one line, with the number of further ones.
+
+    Raises
+    ------
+    CaptureError
+    """
+    if audit.errors:
+        others = len(audit.errors) - 1
+        more = f" (and {others} further error{'s' if others > 1 else ''})" if others else ""
+        raise CaptureError(f"{audit.errors[0].line}{more}")
+
+
+def summary(audit: Audit, capture: Capture) -> str:
+    """The audit as plain text, worst first."""
+    counts = {name: sum(finding.severity == name for finding in audit.findings) for name in _MARK}
+    lines = [
+        f"{capture.root.name}: {len(capture.train)} photos, {len(capture.test)} held out; exposure: {capture.exposure}",
+        f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes",
+    ]
+    if audit.surface:
+        lines.append(
+            f"surface: {audit.surface['unseen']:.1%} of the area seen by no photo, {audit.surface['fewer_than_3']:.1%} "
+            f"by fewer than 3, {audit.surface['median_photos']} photos at the median"
+        )
+    for finding in audit.findings:
+        text = finding.value if finding.kind == "decided" else finding.line
+        lines.append(f"{_MARK[finding.severity]:8}{text}")
+    return "\n".join(lines) + "\n"
+
+
+def write_audit(audit: Audit, capture: Capture, folder: Path) -> tuple[Path, Path]:
+    """Write ``audit.json`` and the readable ``audit.txt``; return their paths."""
+    document = {
+        "findings": [asdict(finding) for finding in audit.findings],
+        "photos": [_rounded(asdict(photo)) for photo in audit.photos],
+        "surface": _rounded(audit.surface),
+    }
+    data, text = folder / "audit.json", folder / "audit.txt"
+    data.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    text.write_text(summary(audit, capture), encoding="utf-8")
+    return data, text
+
+
+def measure_photo(view: View, colour: Array, mask: Array) -> tuple[float, float, float, float]:
+    """Sharpness, clipped share, black share (of the mask's pixels) and covered share of one photo.
+
+    Parameters
+    ----------
+    view : View
+    colour : (H, W, 3) float32
+        Linear, as `load_view` returns it.
+    mask : (H, W) float32
+    """
+    import cv2
+
+    inside = mask >= 0.5
+    covered = float(inside.mean())
+    if not inside.any():
+        return 0.0, 0.0, 0.0, 0.0
+    stored = colour[inside] / np.float32(view.gain)
+    integer = read_header(view.image).integer
+    clipped = float((stored.max(axis=1) >= CLIPPED).mean()) if integer else 0.0
+    black = float((stored.max(axis=1) <= BLACK).mean())
+    grey = np.ascontiguousarray(srgb_encode(luminance(colour / np.float32(view.gain))))
+    inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0
+    inner = inner if inner.any() else inside
+    spread = float(grey[inner].var())
+    edges = cv2.Laplacian(grey, cv2.CV_32F)[inner]
+    return (float(edges.var()) / spread if spread > 1e-8 else 0.0), clipped, black, covered
+
+
+def _look(view: View, points: SurfacePoints, caster: MeshCaster) -> tuple[PhotoFigures, Array, float]:
+    colour, mask = load_view(view)
+    if view.depth is not None:
+        load_depth(view)
+    sharpness, clipped, black, covered = measure_photo(view, colour, mask)
+    seen = seen_points(points, view.camera, mask, caster)
+    overlap, backs = agreement(view.camera, mask, caster)
+    masked = view.mask is not None or view.mask_from_alpha
+    figures = PhotoFigures(
+        view.name,
+        view.held_out,
+        sharpness,
+        clipped,
+        black,
+        covered,
+        float(seen.mean()),
+        overlap if masked and math.isfinite(overlap) else None,
+    )
+    return figures, seen, backs
+
+
+def _count_findings(capture: Capture) -> list[Finding]:
+    findings = []
+    count, root = len(capture.train), str(capture.root)
+    if count < 2:
+        findings.append(
+            Finding("error", "too few", root, f"holds {count} photo(s) to build from", "at least 2", "add photos")
+        )
+    elif count < 10:
+        text = f"holds {count} photos to build from"
+        findings.append(Finding("warning", "few", root, text, "30 or more for shiny things", "add photos all around"))
+    if not capture.test:
+        text = "has no photo held out"
+        findings.append(
+            Finding("warning", "no test", root, text, "a test/ folder or more photos", "scores will be empty")
+        )
+    unmasked = [view.name for view in capture.train if view.mask is None and not view.mask_from_alpha]
+    if unmasked and len(unmasked) < count:
+        text = f"{len(unmasked)} of {count} photos have no mask"
+        findings.append(
+            Finding("warning", "no mask", unmasked[0], text, "a mask for all or none", "add the missing ones")
+        )
+    return findings
+
+
+def _pose_findings(train: Sequence[View], test: Sequence[View]) -> list[Finding]:
+    """Photos from the same place in the same direction: doubled files, or a test view that is no test."""
+    views = [*train, *test]
+    if len(views) < 2:
+        return []
+    poses = np.array([view.camera.cam_from_world.ravel() for view in views])
+    scale = max(float(np.ptp([view.camera.center for view in views], axis=0).max()), 1e-12)
+    poses[:, 3::4] /= scale
+    findings = []
+    for index in range(1, len(views)):
+        same = np.flatnonzero(np.abs(poses[:index] - poses[index]).max(axis=1) < 1e-9)
+        if len(same):
+            one, two = views[same[0]], views[index]
+            across = one.held_out != two.held_out
+            expected = "test views that no training photo repeats" if across else "every photo from its own place"
+            remedy = "take it out of one of them: scores are flattered" if across else "remove one"
+            text = f"has the same pose as {one.name}"
+            findings.append(Finding("warning", "same pose", two.name, text, expected, remedy))
+    return findings
+
+
+def _damaged(view: View, error: BaseException) -> Finding:
+    text = str(error) or type(error).__name__
+    file = str(view.image)
+    value = text.removeprefix(f"{file}: ") if text.startswith(file) else text
+    return Finding("error", "unreadable", file, value, "a photo that can be read whole", "replace or remove it")
+
+
+def _empty_mask(view: View) -> Finding:
+    file = str(view.mask or view.image)
+    remedy = "correct the mask, or remove the photo from the model"
+    return Finding("error", "empty mask", file, "the mask keeps no pixel of the photo", "some of it", remedy)
+
+
+def _photo_findings(photos: Sequence[PhotoFigures], limits: Limits) -> list[Finding]:
+    findings = [_blurred(photo, middle) for photo, middle in _blurred_photos(photos, limits.blurred)]
+    for photo in photos:
+        if photo.clipped > limits.clipped:
+            text = f"{photo.clipped:.1%} of its pixels are clipped"
+            expected = f"at most {limits.clipped:.0%}"
+            findings.append(
+                Finding("warning", "clipped", photo.name, text, expected, "expose less, or keep the raw file")
+            )
+        if photo.black > limits.black:
+            text, expected = f"{photo.black:.1%} of its pixels are black", f"at most {limits.black:.0%}"
+            findings.append(
+                Finding("warning", "black", photo.name, text, expected, "expose more, or mask the background")
+            )
+        if photo.seen == 0 and photo.covered > 0:
+            text, expected = "sees nothing of the mesh", "mesh and cameras in one world"
+            findings.append(
+                Finding("warning", "sees nothing", photo.name, text, expected, "check its pose and its mask")
+            )
+        elif photo.overlap is not None and photo.overlap < limits.overlap:
+            text = f"its mask overlaps the mesh's outline by {photo.overlap:.0%}"
+            expected = f"at least {limits.overlap:.0%}"
+            findings.append(Finding("warning", "outline", photo.name, text, expected, "check mask, pose and mesh"))
+    return findings
+
+
+def _blurred_photos(photos: Sequence[PhotoFigures], limit: float) -> list[tuple[PhotoFigures, float]]:
+    """Photos whose sharpness is an outlier below, each with the median."""
+    kept = [photo for photo in photos if photo.sharpness > 0]
+    if len(kept) < 5:
+        return []
+    logs = np.log([photo.sharpness for photo in kept])
+    middle = float(np.median(logs))
+    spread = _MAD * float(np.median(np.abs(logs - middle)))
+    floor = middle - max(limit * spread, math.log(2.0))
+    return [(photo, math.exp(middle)) for photo, value in zip(kept, logs) if value < floor]
+
+
+def _blurred(photo: PhotoFigures, middle: float) -> Finding:
+    text = f"looks blurred (sharpness {photo.sharpness:.3g})"
+    return Finding("warning", "blurred", photo.name, text, f"about {middle:.3g}", "take it again or remove it")
+
+
+def _surface(observers: Array) -> dict[str, Any]:
+    """Shares of the area by how many photos see it."""
+    counts = np.bincount(np.minimum(observers, 10), minlength=11) / len(observers)
+    return {
+        "unseen": float(counts[0]),
+        "fewer_than_3": float(counts[:3].sum()),
+        "median_photos": int(np.median(observers)),
+        "share_by_photos": {f"{n}{'+' if n == 10 else ''}": float(share) for n, share in enumerate(counts)},
+        "samples": len(observers),
+    }
+
+
+def _surface_findings(
+    surface: dict[str, Any], photos: Sequence[PhotoFigures], backs: Sequence[float], capture: Capture, limits: Limits
+) -> list[Finding]:
+    file = str(capture.mesh)
+    known = [value for value in backs if math.isfinite(value)]
+    if known and float(np.median(known)) > 0.5:
+        text = f"photos see the backs of its faces ({np.median(known):.0%} of the pixels)"
+        return [Finding("error", "inside out", file, text, "faces counter-clockwise from outside", "flip the mesh")]
+    if photos and not any(photo.seen for photo in photos if not photo.held_out):
+        expected = "mesh and cameras in one world, in the same units"
+        return [Finding("error", "unseen mesh", file, "no photo sees any of the mesh", expected, "align them")]
+    if surface["fewer_than_3"] > limits.thin:
+        text = f"fewer than 3 photos see {surface['fewer_than_3']:.1%} of its area ({surface['unseen']:.1%}: none)"
+        expected = f"at most {limits.thin:.0%}"
+        return [Finding("warning", "thin coverage", file, text, expected, "add photos of the rest, or crop the mesh")]
+    return []
+
+
+def _rounded(document: dict[str, Any]) -> dict[str, Any]:
+    """Six significant digits: enough to read, the same on every machine."""
+    return {
+        key: float(f"{value:.6g}")
+        if isinstance(value, float)
+        else _rounded(value)
+        if isinstance(value, dict)
+        else value
+        for key, value in document.items()
+    }
