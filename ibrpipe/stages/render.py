@@ -1,0 +1,187 @@
+"""Stage render: an asset and a camera path in, frames out: OpenEXR (linear RGBA and depth), PNG, optional video."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+import ibrpipe
+from ibrpipe.config import StageConfig
+from ibrpipe.io.images import write_exr, write_png
+from ibrpipe.io.paths import CameraPath, is_orbit, parse_orbit
+from ibrpipe.io.views import read_views
+from ibrpipe.progress import track
+from ibrpipe.stages.stage import Stage
+from ibrpipe.stages.video import write_video
+from ibrpipe.stages.viewpoints import camera_path
+from ibrpipe.types import Array, Asset, Camera, Frame
+
+Output = Literal["color", "depth", "alpha"]
+
+
+class RenderConfig(StageConfig):
+    """Settings of the render stage."""
+
+    renderers: tuple[str, ...] = Field(default=("ldi",), min_length=1, description="Renderers to use, by name")
+    path: str = Field(
+        default="test",
+        min_length=1,
+        description="Camera path: test, train, all, a COLMAP model folder, a transforms.json, or orbit:key=value,...",
+    )
+    outputs: tuple[Output, ...] = Field(
+        default=("color", "depth", "alpha"), min_length=1, description="What frames hold: color, depth, alpha"
+    )
+    width: int | None = Field(
+        default=None, ge=1, le=65536, description="Width of the frames in pixels; none = as the path"
+    )
+    height: int | None = Field(
+        default=None, ge=1, le=65536, description="Height in pixels; none = follows from the width"
+    )
+    residuals: bool = Field(default=True, description="Add the view-dependent residuals")
+    repeats: int = Field(default=3, ge=1, le=1000, description="Times every frame is rendered; the median time counts")
+    video: bool = Field(default=False, description="Also write the frames as MP4 (VP9)")
+    fps: float = Field(default=24.0, gt=0, le=1000, description="Frames per second of the video")
+
+    @field_validator("path")
+    @classmethod
+    def _orbit_is_sound(cls, path: str) -> str:
+        if is_orbit(path):
+            parse_orbit(path)
+        return path
+
+    @field_validator("renderers", "outputs")
+    @classmethod
+    def _named_once(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(names)) < len(names):
+            raise ValueError(f"names one thing twice: {', '.join(names)}")
+        return names
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """An asset folder, the views it was made from, and the folder to write to."""
+
+    asset: Path
+    views: Path
+    out: Path
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What render writes: a list of frames, and the frames themselves in one folder per renderer."""
+
+    frames: Path
+
+
+def run(inputs: Inputs, config: RenderConfig) -> Outputs:
+    """Render an asset along a camera path with every renderer asked for.
+
+    Raises
+    ------
+    RendererError
+        A renderer is unknown or cannot render the asset.
+    ConfigError, MissingFileError
+        The camera path does not exist or is empty.
+    """
+    asset = ibrpipe.read_asset(inputs.asset)
+    path = camera_path(config.path, asset, read_views(inputs.views))
+    path = tuple((name, _sized(camera, config.width, config.height)) for name, camera in path)
+    frames: list[dict[str, Any]] = []
+    videos: dict[str, str] = {}
+    for renderer in config.renderers:
+        folder = inputs.out / renderer
+        folder.mkdir(parents=True, exist_ok=True)
+        frames += _render_all(asset, path, renderer, folder, config)
+        if config.video and "color" in config.outputs:
+            videos[renderer] = f"{renderer}/{renderer}.mp4"
+            pictures = [inputs.out / frame["png"] for frame in frames if frame["renderer"] == renderer]
+            write_video(inputs.out / videos[renderer], pictures, config.fps)
+    document = {"path": config.path, "renderers": list(config.renderers), "videos": videos, "frames": frames}
+    outputs = Outputs(inputs.out / "frames.json")
+    outputs.frames.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return outputs
+
+
+def _sized(camera: Camera, width: int | None, height: int | None) -> Camera:
+    """Resize a camera; one side alone keeps the shape."""
+    if width is None and height is None:
+        return camera
+    wide = width or max(1, round(camera.width * (height or 1) / camera.height))
+    return camera.resized(wide, height or max(1, round(camera.height * wide / camera.width)))
+
+
+def _render_all(
+    asset: Asset, path: CameraPath, renderer: str, folder: Path, config: RenderConfig
+) -> list[dict[str, Any]]:
+    """Render and write all frames of one renderer; return their entries of frames.json."""
+    prepared = ibrpipe.prepare(asset, renderer)
+    takes_residuals = "residuals" in ibrpipe.renderers()[renderer]["options"]
+    options: dict[str, Any] = {"residuals": config.residuals} if takes_residuals else {}
+    ibrpipe.render(
+        prepared, path[0][1].resized(8, 8), renderer, config.outputs, **options
+    )  # compiles, outside the timer
+    entries = []
+    for name, camera in track(path, f"render {renderer}"):
+        milliseconds = []
+        for _ in range(config.repeats):
+            began = perf_counter()
+            frame = ibrpipe.render(prepared, camera, renderer, config.outputs, **options)
+            milliseconds.append(1e3 * (perf_counter() - began))
+        files = _write_frame(frame, folder / name)
+        entries.append(_entry(name, renderer, camera, frame, files, median(milliseconds)))
+    return entries
+
+
+def _entry(
+    name: str, renderer: str, camera: Camera, frame: Frame, files: Mapping[str, str], milliseconds: float
+) -> dict[str, Any]:
+    return {
+        "view": name,
+        "renderer": renderer,
+        **files,
+        "ms": round(milliseconds, 4),
+        "width": camera.width,
+        "height": camera.height,
+        "K": camera.K.tolist(),
+        "cam_from_world": camera.cam_from_world.tolist(),
+        "stats": dict(frame.stats),
+    }
+
+
+def _write_frame(frame: Frame, stem: Path) -> dict[str, str]:
+    """Write STEM.exr and, where there is colour, STEM.png; each appears only when it is complete."""
+    channels: dict[str, Array] = {}
+    if frame.color is not None:
+        channels.update(zip("RGB", np.moveaxis(frame.color, 2, 0)))
+    if frame.alpha is not None:
+        channels["A"] = frame.alpha
+    if frame.depth is not None:
+        channels["Z"] = frame.depth
+    folder, place = stem.parent, stem.parent.name
+    exr, png = f"{stem.name}.exr", f"{stem.name}.png"
+    write_exr(folder / f".{exr}", channels)
+    (folder / f".{exr}").replace(folder / exr)
+    if frame.color is None:
+        return {"file": f"{place}/{exr}"}
+    write_png(folder / f".{png}", frame.color, frame.alpha)
+    (folder / f".{png}").replace(folder / png)
+    return {"file": f"{place}/{exr}", "png": f"{place}/{png}"}
+
+
+STAGE = Stage(
+    name="render",
+    summary="Render an asset along a camera path to OpenEXR, PNG and, if asked for, video.",
+    inputs=Inputs,
+    config=RenderConfig,
+    run=run,
+    needs=("ingest", "asset"),
+    example="ibrpipe render --asset runs/vase/asset --views runs/vase/ingest/views.json --out frames --path orbit",
+)
