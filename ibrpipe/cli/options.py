@@ -32,11 +32,9 @@ def example(*lines: str) -> str:
     return "\b\nExample:\n" + "\n".join(f"  {line}" for line in lines)
 
 
-def out_option(default: str | None = None, required: bool = False, text: str = "Folder to write.") -> click.Option:
+def out_option(text: str, default: str = "out") -> click.Option:
     """Return the option --out."""
-    return click.Option(
-        ["--out"], type=PATH, metavar="DIR", default=default, required=required, show_default=bool(default), help=text
-    )
+    return click.Option(["--out"], type=PATH, metavar="DIR", default=default, show_default=True, help=text)
 
 
 class YamlValue(click.ParamType):

@@ -32,7 +32,7 @@ from ibrpipe.stages.workplace import only_run
 
 def stage_command(stage: Stage) -> click.Command:
     """Return the command that runs `stage`: its inputs, its settings, and the shared options."""
-    params: list[click.Parameter] = [*_input_params(stage), out_option(text=_out_help(stage))]
+    params: list[click.Parameter] = [*_input_params(stage), out_option(f"Run folder; {stage.place} in it is written.")]
     params += [*config_options(stage.config), workers_option, dask_option, json_option]
 
     def callback(**values: Any) -> None:
@@ -54,17 +54,11 @@ def _input_params(stage: Stage) -> list[click.Parameter]:
         params.append(click.Argument(["capture"], type=PATH))
     for name in names:
         if name not in ("capture", "seed", "run"):
-            params.append(click.Option([f"--{name}"], type=PATH, metavar="PATH", help=MEANING.get(name, "Input.")))
-    params.append(
-        click.Option(["--run"], type=PATH, metavar="DIR", help="Run folder; inputs not given are taken from it.")
-    )
+            text = f"{MEANING[name]}  [default: {PLACES[name]} in the run folder]"
+            params.append(click.Option([f"--{name}"], type=PATH, metavar="PATH", help=text))
     if "seed" in names:
         params.append(click.Option(["--seed"], type=click.IntRange(0), default=0, help=MEANING["seed"]))
     return params
-
-
-def _out_help(stage: Stage) -> str:
-    return f"Folder to write; {stage.place} in the run folder if that is given."
 
 
 def _config(stage: Stage, values: dict[str, Any]) -> Any:
@@ -76,40 +70,33 @@ def _config(stage: Stage, values: dict[str, Any]) -> Any:
 
 
 def _run(stage: Stage, config: Any, values: dict[str, Any]) -> Manifest:
-    run, out = values["run"], values["out"]
-    target = out or (run / stage.place if run else None)
-    if target is None:
-        raise click.UsageError("give the folder to write with --out, or a run folder with --run")
+    out: Path = values["out"]
     fields = {name: _input(stage, name, required, values) for name, required in input_fields(stage).items()}
     fields = {name: value for name, value in fields.items() if value is not None}
-    job = Job(stage, fields, config, target, _keys(stage, run))
-    with executor(values["workers"], values["dask"]), display() as shown, only_run(target.parent):
+    job = Job(stage, fields, config, out / stage.place, _keys(stage, out))
+    with executor(values["workers"], values["dask"]), display() as shown, only_run(out):
         return run_job(job, Hasher(), force=True, report=lambda event: shown.say(told(event)))
 
 
 def _input(stage: Stage, name: str, required: bool, values: dict[str, Any]) -> Any:
     """Return one input: as given, else from its place in the run folder."""
-    if values.get(name) is not None:
-        if name != "seed" and not values[name].exists():
-            raise MissingFileError(f"{values[name]} does not exist; stage {stage.name} needs it as {name}")
-        return values[name]
-    if values["run"] is not None:
-        path: Path = values["run"] / PLACES[name]
-        if path.exists():
-            return path
-        if required:
-            raise MissingFileError(
-                f"stage {stage.name} needs {path}, which does not exist; run the earlier stages first"
-            )
+    given_value = values.get(name)
+    if name == "seed":
+        return given_value
+    path: Path = given_value or values["out"] / PLACES[name]
+    if path.exists():
+        return path
+    if given_value is not None:
+        raise MissingFileError(f"{path} does not exist; stage {stage.name} needs it as {name}")
     if required:
-        raise click.UsageError(f"stage {stage.name} needs --{name}, or a run folder with --run")
+        raise MissingFileError(
+            f"stage {stage.name} needs {path}, which does not exist; run the earlier stages first or give --{name}"
+        )
     return None
 
 
-def _keys(stage: Stage, run: Path | None) -> dict[str, str]:
+def _keys(stage: Stage, run: Path) -> dict[str, str]:
     """Return the keys of what the stage reads, as the runner would find them."""
-    if run is None:
-        return {}
     earlier = (load_stage(name) for name in stage.needs if name in STAGES)
     found = {each.name: read_manifest(run / each.place) for each in earlier}
     return {name: manifest.key for name, manifest in found.items() if manifest is not None}

@@ -53,7 +53,7 @@ def test_example_of_a_stage_is_a_valid_call(name: str) -> None:
     words = stage.example.split()
     assert words[:2] == ["ibrpipe", name]
     context = stage_command(stage).make_context(name, words[2:])
-    assert context.params["out"] or context.params["run"]
+    assert context.params["out"]
 
 
 def test_group_help_is_instant_and_lists_every_command() -> None:
@@ -85,8 +85,6 @@ def test_stage_summaries_are_the_ones_listed() -> None:
         (["run", "mesh", "--workers", "-1"], "not in the range"),
         (["synth", "glosy", "x"], "is not one of"),
         (["ingest"], "Missing argument 'CAPTURE'"),
-        (["ingest", "."], "--out"),
-        (["layers", "--out", "x"], "needs --views"),
         (["schema", "pipelin"], 'did you mean "pipeline"'),
         (["demo", "--no-such"], "No such option"),
     ],
@@ -165,7 +163,7 @@ def fake(folder: Path, *args: object) -> Result:
             return click.Group.invoke(group, ctx)
 
     group.invoke = invoke  # type: ignore[method-assign]
-    return call("fake", folder / "capture", "--run", folder / "run", *args, command=group)
+    return call("fake", folder / "capture", "--out", folder / "run", *args, command=group)
 
 
 def test_stage_command_runs_and_prints_json(run_folder: Path) -> None:
@@ -183,17 +181,28 @@ def test_stage_command_runs_and_prints_json(run_folder: Path) -> None:
 def test_stage_command_takes_explicit_paths(run_folder: Path) -> None:
     mesh = run_folder / "mesh.ply"
     mesh.write_text("ply")
-    assert fake(run_folder, "--mesh", mesh, "--out", run_folder / "other").exit_code == 0
-    assert (run_folder / "other/text.txt").read_text() == "64 0 False"
-    assert not (run_folder / "run/fake").exists()
+    assert fake(run_folder, "--mesh", mesh).exit_code == 0
+    assert (run_folder / "run/fake/text.txt").read_text() == "64 0 False"
     result = fake(run_folder, "--mesh", run_folder / "none.ply")
     assert result.exit_code == 1
     assert "none.ply does not exist" in result.stderr
+    (run_folder / "run/ingest/views.json").rename(run_folder / "other.json")
+    assert "run the earlier stages first or give --views" in fake(run_folder).stderr
+    assert fake(run_folder, "--views", run_folder / "other.json").exit_code == 0
 
 
 def test_help_shows_bounds_defaults_and_choices() -> None:
     text = " ".join(call("--help", command=stage_command(FAKE)).output.split())
-    for part in ("8<=x<=256", "default: 64", "0<x<1", "[median|mean]", "--loud / --no-loud", "[0.0, 1.0]", "--mesh"):
+    for part in (
+        "8<=x<=256",
+        "default: 64",
+        "0<x<1",
+        "[median|mean]",
+        "--loud / --no-loud",
+        "[0.0, 1.0]",
+        "--mesh",
+        "ingest/views.json in the run folder",
+    ):
         assert part in text
 
 

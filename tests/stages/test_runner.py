@@ -83,8 +83,8 @@ def count(inputs: CountInputs, config: CountConfig) -> None:
 
 STAGES = (
     Stage("ingest", "Read.", ReadInputs, ReadConfig, read, ("capture",), "ibrpipe ingest capture --out out"),
-    Stage("plan", "Shout.", ShoutInputs, ShoutConfig, shout, ("ingest",), "ibrpipe plan --run out"),
-    Stage("layers", "Count.", CountInputs, CountConfig, count, ("plan",), "ibrpipe layers --run out", folder="counts"),
+    Stage("plan", "Shout.", ShoutInputs, ShoutConfig, shout, ("ingest",), "ibrpipe plan --out out"),
+    Stage("layers", "Count.", CountInputs, CountConfig, count, ("plan",), "ibrpipe layers --out out", folder="counts"),
 )
 
 
