@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Literal
 
 from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError, ValueRangeError
-from ibrpipe.io.colmap import Shot, find_model, read_model
+from ibrpipe.io.colmap import find_model, read_model
 from ibrpipe.io.exposure import gains_from_csv, gains_from_exif, read_exposure_csv
-from ibrpipe.io.images import ImageHeader, read_header
+from ibrpipe.io.image_files import ImageHeader, read_header
 from ibrpipe.io.lenses import Keep, undistorted_calibration
 from ibrpipe.io.masks import find_mask
 from ibrpipe.io.meshes import SUFFIXES
+from ibrpipe.io.shots import Shot
 from ibrpipe.io.transforms import read_transforms
 from ibrpipe.io.views import View
 from ibrpipe.types import Camera

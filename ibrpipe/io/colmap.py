@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,32 +11,10 @@ import numpy as np
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.lenses import Lens
 from ibrpipe.io.pycolmap_import import import_pycolmap
-from ibrpipe.types import Array
+from ibrpipe.io.shots import Shot
 
 #: Where a model may be inside a capture folder, best first
 FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0")
-
-
-@dataclass(frozen=True, eq=False)
-class Shot:
-    """One calibrated photo before its file is looked at.
-
-    Attributes
-    ----------
-    file : str
-        Name in the model, posix, relative to `image`'s folder of images.
-    image : Path
-    lens : Lens
-    cam_from_world : (3, 4) float64
-    mask : Path or None
-        Mask that the model itself names.
-    """
-
-    file: str
-    image: Path
-    lens: Lens
-    cam_from_world: Array
-    mask: Path | None = None
 
 
 def find_model(capture: Path) -> Path | None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ibrpipe.errors import CaptureError, FormatError
-from ibrpipe.io.images import ImageHeader
+from ibrpipe.io.image_files import ImageHeader
 
 COLUMN = "relative_exposure_stops"
 

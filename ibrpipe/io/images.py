@@ -7,7 +7,6 @@ sRGB, floats are linear) is converted on reading; alpha and masks are plain cove
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,77 +15,11 @@ import numpy as np
 
 from ibrpipe.core.color import decode_table, srgb_encode, to_bytes
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError, ShapeError
+from ibrpipe.io.image_files import LINEAR, SRGB, one_line, read_stored, turned
 from ibrpipe.types import Array
 
-LINEAR = "lin_rec709_scene"
-SRGB = "srgb_rec709_scene"
 #: OpenImageIO stamps the time of writing into EXR files unless one is given; equal input must give equal bytes
 FIXED_DATE = "2000:01:01 00:00:00"
-#: Words in an ICC profile's description -> name of the colour space in OpenColorIO's built-in config
-_PROFILES = {"adobe rgb": "AdobeRGB", "display p3": "srgb_p3d65_scene", "srgb": SRGB}
-#: EXIF orientation -> quarter turns counter-clockwise, then mirrored left to right
-_TURNS = {
-    1: (0, False),
-    2: (0, True),
-    3: (2, False),
-    4: (2, True),
-    5: (3, True),
-    6: (3, False),
-    7: (1, True),
-    8: (1, False),
-}
-
-
-@dataclass(frozen=True)
-class ImageHeader:
-    """What an image file says of itself before its pixels are read.
-
-    Attributes
-    ----------
-    width, height : int
-        Size as stored, before any orientation tag is obeyed.
-    channels : tuple of str
-    integer : bool
-        True for 8- and 16-bit files.
-    orientation : int
-        EXIF orientation 1..8; 1 = as stored.
-    color_space : str
-        Name of the space its colours are in, declared or implied.
-    metadata : mapping
-        EXIF figures: ``ExposureTime``, ``FNumber``, ``Exif:PhotographicSensitivity``, where present.
-    """
-
-    width: int
-    height: int
-    channels: tuple[str, ...]
-    integer: bool
-    orientation: int
-    color_space: str
-    metadata: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def upright_size(self) -> tuple[int, int]:
-        """(width, height) after the orientation tag is obeyed."""
-        return (self.height, self.width) if self.orientation >= 5 else (self.width, self.height)
-
-    @property
-    def has_alpha(self) -> bool:
-        """Whether a channel named A exists."""
-        return "A" in self.channels
-
-
-def read_header(path: Path) -> ImageHeader:
-    """Read size, channels, orientation, colour space and exposure figures of an image file.
-
-    Raises
-    ------
-    MissingFileError, FormatError
-        The file does not exist, or is no image that OpenImageIO reads.
-    """
-    source = _open(path)
-    header = _header(source.spec())
-    source.close()
-    return header
 
 
 def read_image(path: Path, color_space: str | None = None, oriented: bool = True) -> Array:
@@ -111,14 +44,14 @@ def read_image(path: Path, color_space: str | None = None, oriented: bool = True
     MissingFileError, FormatError
         The file is missing, damaged, not an image, or in an unknown colour space.
     """
-    pixels, header = _read_pixels(path)
+    pixels, header = read_stored(path)
     names = _colour_channels(header.channels)
     chosen = [header.channels.index(name) for name in names]
     pixels = np.ascontiguousarray(pixels[:, :, chosen])
     linear = _linear(pixels, len(names) - header.has_alpha, color_space or header.color_space, path)
     if header.has_alpha and not header.integer:
         _unpremultiply(linear)
-    return _turn(linear, header.orientation) if oriented else linear
+    return turned(linear, header.orientation) if oriented else linear
 
 
 def read_coverage(path: Path, oriented: bool = True) -> Array:
@@ -129,7 +62,7 @@ def read_coverage(path: Path, oriented: bool = True) -> Array:
     (H, W) float32
         Integer files divided by their full scale, except that 8-bit files of zeros and ones are taken as such.
     """
-    pixels, header = _read_pixels(path)
+    pixels, header = read_stored(path)
     plane = pixels[:, :, 0]
     if header.has_alpha and (plane == plane.flat[0]).all():
         plane = pixels[:, :, header.channels.index("A")]
@@ -137,7 +70,7 @@ def read_coverage(path: Path, oriented: bool = True) -> Array:
         scale = 1 if plane.max() == 1 else np.iinfo(plane.dtype).max
         plane = plane.astype(np.float32) / np.float32(scale)
     plane = np.clip(plane.astype(np.float32), 0.0, 1.0)
-    return np.ascontiguousarray(_turn(plane, header.orientation) if oriented else plane)
+    return np.ascontiguousarray(turned(plane, header.orientation) if oriented else plane)
 
 
 def read_depth(path: Path) -> Array:
@@ -153,7 +86,7 @@ def read_depth(path: Path) -> Array:
         except (ValueError, EOFError, OSError) as error:
             raise FormatError(f"{path}: not a NumPy array file ({error}); write it with numpy.save") from error
     else:
-        pixels, header = _read_pixels(path)
+        pixels, header = read_stored(path)
         if header.integer:
             raise FormatError(f"{path}: depth is stored as integers; expected float EXR or .npy in scene units")
         depth = pixels[:, :, header.channels.index("Z") if "Z" in header.channels else 0]
@@ -208,76 +141,6 @@ def write_exr(path: Path, channels: Mapping[str, Array] | Array, half: bool = Fa
     _write(path, stack, attributes, list(channels), "half" if half else "float")
 
 
-def _open(path: Path) -> Any:
-    import OpenImageIO as oiio
-
-    if not path.is_file():
-        raise MissingFileError(f"{path}: the image does not exist")
-    hints = oiio.ImageSpec()
-    hints.attribute("oiio:UnassociatedAlpha", 1)
-    hints.attribute("oiio:reorient", 0)
-    source = oiio.ImageInput.open(str(path), hints)
-    if source is None:
-        reason = _one_line(oiio.geterror())
-        raise FormatError(f"{path}: cannot be read as an image ({reason}); export it again as JPEG, PNG, TIFF or EXR")
-    return source
-
-
-def _header(spec: Any) -> ImageHeader:
-    integer = str(spec.format) not in ("half", "float", "double")
-    metadata = {}
-    for key in ("ExposureTime", "FNumber", "Exif:PhotographicSensitivity"):
-        value = spec.get_float_attribute(key, float("nan"))
-        if np.isfinite(value):
-            metadata[key] = float(value)
-    orientation = spec.get_int_attribute("Orientation", 1)
-    return ImageHeader(
-        spec.full_width or spec.width,
-        spec.full_height or spec.height,
-        tuple(spec.channelnames),
-        integer,
-        orientation if 1 <= orientation <= 8 else 1,
-        _declared_space(spec, integer),
-        metadata,
-    )
-
-
-def _declared_space(spec: Any, integer: bool) -> str:
-    profile = spec.get_string_attribute("ICCProfile:profile_description", "").lower()
-    for words, name in _PROFILES.items():
-        if words in profile:
-            return name
-    return spec.get_string_attribute("oiio:ColorSpace", "") or (SRGB if integer else LINEAR)
-
-
-def _read_pixels(path: Path) -> tuple[Array, ImageHeader]:
-    """Read all channels as stored, on the display window, (H, W, C)."""
-    source = _open(path)
-    spec = source.spec()
-    header = _header(spec)
-    if spec.deep:
-        raise FormatError(f"{path}: holds deep pixels; expected an ordinary image")
-    pixels = source.read_image(0, 0, 0, spec.nchannels, spec.format)
-    problem = _one_line(source.geterror())
-    source.close()
-    if pixels is None or problem:
-        raise FormatError(f"{path}: the image is damaged ({problem or 'no pixels'}); copy or export it again")
-    pixels = np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
-    if (spec.x, spec.y, spec.width, spec.height) == (spec.full_x, spec.full_y, header.width, header.height):
-        return pixels, header
-    return _on_display_window(pixels, spec), header
-
-
-def _on_display_window(pixels: Array, spec: Any) -> Array:
-    """Place the stored data window on the display window; zeros where nothing is stored."""
-    placed = np.zeros((spec.full_height, spec.full_width, pixels.shape[2]), pixels.dtype)
-    top, left = spec.y - spec.full_y, spec.x - spec.full_x
-    rows = slice(max(top, 0), min(top + spec.height, spec.full_height))
-    columns = slice(max(left, 0), min(left + spec.width, spec.full_width))
-    placed[rows, columns] = pixels[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
-    return placed
-
-
 def _colour_channels(names: tuple[str, ...]) -> list[str]:
     """Names of the grey or RGB channels, then A where present; the first channel if nothing is called so."""
     colours = ["R", "G", "B"] if {"R", "G", "B"} <= set(names) else [("Y" if "Y" in names else names[0])]
@@ -320,20 +183,13 @@ def _converted(colour: Array, space: str, path: Path) -> Array:
     buffer = oiio.ImageBuf(np.ascontiguousarray(np.broadcast_to(colour, (*colour.shape[:2], 3))))
     result = oiio.ImageBufAlgo.colorconvert(buffer, space, LINEAR, colorconfig="ocio://default")
     if result.has_error:
-        raise FormatError(f"{path}: colours do not convert from {space!r} ({_one_line(result.geterror())})")
+        raise FormatError(f"{path}: colours do not convert from {space!r} ({one_line(result.geterror())})")
     return np.asarray(result.get_pixels(oiio.FLOAT))[:, :, : colour.shape[2]]
 
 
 def _unpremultiply(linear: Array) -> None:
     alpha = linear[:, :, -1:]
     np.divide(linear[:, :, :-1], alpha, out=linear[:, :, :-1], where=alpha > 0)
-
-
-def _turn(picture: Array, orientation: int) -> Array:
-    """Obey an EXIF orientation 1..8."""
-    quarter_turns, mirrored = _TURNS[orientation]
-    turned = np.rot90(picture, quarter_turns)
-    return np.ascontiguousarray(turned[:, ::-1] if mirrored else turned)
 
 
 def _check_picture(picture: Array) -> None:
@@ -361,13 +217,7 @@ def _write(
         spec.attribute(key, value)
     target = oiio.ImageOutput.create(str(path))
     if target is None:
-        raise FormatError(f"{path}: no writer for this kind of file ({_one_line(oiio.geterror())})")
+        raise FormatError(f"{path}: no writer for this kind of file ({one_line(oiio.geterror())})")
     written = target.open(str(path), spec) and target.write_image(np.ascontiguousarray(pixels)) and target.close()
     if not written:
-        raise ResourceError(
-            f"{path}: cannot be written ({_one_line(target.geterror())}); check the disk and the folder"
-        )
-
-
-def _one_line(text: str) -> str:
-    return "; ".join(line.strip() for line in text.splitlines() if line.strip())
+        raise ResourceError(f"{path}: cannot be written ({one_line(target.geterror())}); check the disk and the folder")

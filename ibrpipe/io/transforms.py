@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import CaptureError, FormatError
-from ibrpipe.io.colmap import Shot
-from ibrpipe.io.images import read_header
+from ibrpipe.io.image_files import read_header
 from ibrpipe.io.lenses import Lens
+from ibrpipe.io.shots import Shot
 from ibrpipe.types import Array
 
 #: OpenCV camera axes (x right, y down, z forward) from OpenGL's (x right, y up, z backward)

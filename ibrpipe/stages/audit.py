@@ -7,86 +7,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from ibrpipe.core.color import luminance, srgb_decode, srgb_encode
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, IbrError
 from ibrpipe.io.captures import Capture
-from ibrpipe.io.images import read_header
 from ibrpipe.io.views import View, load_depth, load_view
 from ibrpipe.progress import track
 from ibrpipe.stages.coverage import SurfacePoints, agreement, seen_points, spread_points
+from ibrpipe.stages.findings import Finding, Limits
+from ibrpipe.stages.photo_check import PhotoFigures, damaged, empty_mask, measure_photo, photo_findings
 from ibrpipe.types import Array, Mesh
 
-Severity = Literal["error", "warning", "note"]
-
-#: Coded values above 254.5 of 255 count as clipped
-CLIPPED = float(srgb_decode(np.float64(254.5 / 255.0)))
-#: Coded values below 1.5 of 255 count as black
-BLACK = float(srgb_decode(np.float64(1.5 / 255.0)))
-#: The robust spread of a normal distribution is this times the median absolute deviation
-_MAD = 1.4826
 _MARK = {"error": "ERROR", "warning": "warning", "note": "note"}
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that the audit found.
-
-    Attributes
-    ----------
-    severity : {"error", "warning", "note"}
-        Errors stop the pipeline.
-    kind : str
-        Short fixed word, such as ``blurred``.
-    file : str
-        What it is about.
-    value, expected, remedy : str
-        What was met, what would be right, what to do.
-    """
-
-    severity: Severity
-    kind: str
-    file: str
-    value: str
-    expected: str
-    remedy: str
-
-    @property
-    def line(self) -> str:
-        """The finding as one sentence."""
-        return f"{self.file}: {self.value}; expected {self.expected}: {self.remedy}"
-
-
-@dataclass(frozen=True)
-class PhotoFigures:
-    """What was measured in one photo.
-
-    Attributes
-    ----------
-    sharpness : float
-        Variance of the Laplacian over the variance of the sRGB-coded luminance, inside the mask.
-    clipped, black : float
-        Share of the mask's pixels with a channel at its top, with all channels at the bottom.
-    covered : float
-        Share of the picture that the mask keeps.
-    seen : float
-        Share of the surface's area that the photo sees.
-    overlap : float or None
-        Mask against the mesh's outline, intersection over union; None without a mask.
-    """
-
-    name: str
-    held_out: bool
-    sharpness: float
-    clipped: float
-    black: float
-    covered: float
-    seen: float
-    overlap: float | None
 
 
 @dataclass(frozen=True)
@@ -101,30 +36,6 @@ class Audit:
     def errors(self) -> tuple[Finding, ...]:
         """Findings that stop the pipeline."""
         return tuple(finding for finding in self.findings if finding.severity == "error")
-
-
-@dataclass(frozen=True)
-class Limits:
-    """From where on a figure becomes a warning.
-
-    Attributes
-    ----------
-    blurred : float
-        Sharpness below the median by this many robust deviations (of its logarithm), and below half of it.
-    clipped, black, thin : float
-        Shares of the mask's pixels; share of the surface that fewer than three photos see.
-    overlap : float
-        Intersection over union of mask and mesh outline.
-    samples : int
-        Points spread over the surface.
-    """
-
-    blurred: float = 3.5
-    clipped: float = 0.05
-    black: float = 0.5
-    thin: float = 0.05
-    overlap: float = 0.7
-    samples: int = 20000
 
 
 def audit_capture(capture: Capture, mesh: Mesh, limits: Limits | None = None) -> Audit:
@@ -150,14 +61,14 @@ def audit_capture(capture: Capture, mesh: Mesh, limits: Limits | None = None) ->
         try:
             figures, seen, back = _look(view, points, caster)
         except (IbrError, MemoryError) as error:
-            findings.append(_damaged(view, error))
+            findings.append(damaged(view, error))
             continue
         if figures.covered == 0:
-            findings.append(_empty_mask(view))
+            findings.append(empty_mask(view))
         photos.append(figures)
         backs.append(back)
         observers += seen * (not view.held_out)
-    findings += _photo_findings(photos, limits)
+    findings += photo_findings(photos, limits)
     surface = _surface(observers)
     findings += _surface_findings(surface, photos, backs, capture, limits)
     findings += [Finding("note", "decided", capture.root.name, text, "this", "nothing to do") for text in capture.notes]
@@ -207,34 +118,6 @@ def write_audit(audit: Audit, capture: Capture, folder: Path) -> tuple[Path, Pat
     data.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     text.write_text(summary(audit, capture), encoding="utf-8")
     return data, text
-
-
-def measure_photo(view: View, colour: Array, mask: Array) -> tuple[float, float, float, float]:
-    """Sharpness, clipped share, black share (of the mask's pixels) and covered share of one photo.
-
-    Parameters
-    ----------
-    view : View
-    colour : (H, W, 3) float32
-        Linear, as `load_view` returns it.
-    mask : (H, W) float32
-    """
-    import cv2
-
-    inside = mask >= 0.5
-    covered = float(inside.mean())
-    if not inside.any():
-        return 0.0, 0.0, 0.0, 0.0
-    stored = colour[inside] / np.float32(view.gain)
-    integer = read_header(view.image).integer
-    clipped = float((stored.max(axis=1) >= CLIPPED).mean()) if integer else 0.0
-    black = float((stored.max(axis=1) <= BLACK).mean())
-    grey = np.ascontiguousarray(srgb_encode(luminance(colour / np.float32(view.gain))))
-    inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0
-    inner = inner if inner.any() else inside
-    spread = float(grey[inner].var())
-    edges = cv2.Laplacian(grey, cv2.CV_32F)[inner]
-    return (float(edges.var()) / spread if spread > 1e-8 else 0.0), clipped, black, covered
 
 
 def _look(view: View, points: SurfacePoints, caster: MeshCaster) -> tuple[PhotoFigures, Array, float]:
@@ -301,62 +184,6 @@ def _pose_findings(train: Sequence[View], test: Sequence[View]) -> list[Finding]
             text = f"has the same pose as {one.name}"
             findings.append(Finding("warning", "same pose", two.name, text, expected, remedy))
     return findings
-
-
-def _damaged(view: View, error: BaseException) -> Finding:
-    text = str(error) or type(error).__name__
-    file = str(view.image)
-    value = text.removeprefix(f"{file}: ") if text.startswith(file) else text
-    return Finding("error", "unreadable", file, value, "a photo that can be read whole", "replace or remove it")
-
-
-def _empty_mask(view: View) -> Finding:
-    file = str(view.mask or view.image)
-    remedy = "correct the mask, or remove the photo from the model"
-    return Finding("error", "empty mask", file, "the mask keeps no pixel of the photo", "some of it", remedy)
-
-
-def _photo_findings(photos: Sequence[PhotoFigures], limits: Limits) -> list[Finding]:
-    findings = [_blurred(photo, middle) for photo, middle in _blurred_photos(photos, limits.blurred)]
-    for photo in photos:
-        if photo.clipped > limits.clipped:
-            text = f"{photo.clipped:.1%} of its pixels are clipped"
-            expected = f"at most {limits.clipped:.0%}"
-            findings.append(
-                Finding("warning", "clipped", photo.name, text, expected, "expose less, or keep the raw file")
-            )
-        if photo.black > limits.black:
-            text, expected = f"{photo.black:.1%} of its pixels are black", f"at most {limits.black:.0%}"
-            findings.append(
-                Finding("warning", "black", photo.name, text, expected, "expose more, or mask the background")
-            )
-        if photo.seen == 0 and photo.covered > 0:
-            text, expected = "sees nothing of the mesh", "mesh and cameras in one world"
-            findings.append(
-                Finding("warning", "sees nothing", photo.name, text, expected, "check its pose and its mask")
-            )
-        elif photo.overlap is not None and photo.overlap < limits.overlap:
-            text = f"its mask overlaps the mesh's outline by {photo.overlap:.0%}"
-            expected = f"at least {limits.overlap:.0%}"
-            findings.append(Finding("warning", "outline", photo.name, text, expected, "check mask, pose and mesh"))
-    return findings
-
-
-def _blurred_photos(photos: Sequence[PhotoFigures], limit: float) -> list[tuple[PhotoFigures, float]]:
-    """Photos whose sharpness is an outlier below, each with the median."""
-    kept = [photo for photo in photos if photo.sharpness > 0]
-    if len(kept) < 5:
-        return []
-    logs = np.log([photo.sharpness for photo in kept])
-    middle = float(np.median(logs))
-    spread = _MAD * float(np.median(np.abs(logs - middle)))
-    floor = middle - max(limit * spread, math.log(2.0))
-    return [(photo, math.exp(middle)) for photo, value in zip(kept, logs) if value < floor]
-
-
-def _blurred(photo: PhotoFigures, middle: float) -> Finding:
-    text = f"looks blurred (sharpness {photo.sharpness:.3g})"
-    return Finding("warning", "blurred", photo.name, text, f"about {middle:.3g}", "take it again or remove it")
 
 
 def _surface(observers: Array) -> dict[str, Any]:

@@ -17,7 +17,8 @@ from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, 
 from ibrpipe.io.lenses import Keep
 from ibrpipe.io.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import View, ViewSet, write_views
-from ibrpipe.stages.audit import Limits, audit_capture, stop_on_errors, write_audit
+from ibrpipe.stages.audit import audit_capture, stop_on_errors, write_audit
+from ibrpipe.stages.findings import Limits
 from ibrpipe.stages.stage import Stage
 from ibrpipe.types import Mesh
 

@@ -1,0 +1,163 @@
+"""Image files as they are stored: headers, and pixels without any conversion, through OpenImageIO."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.errors import FormatError, MissingFileError
+from ibrpipe.types import Array
+
+LINEAR = "lin_rec709_scene"
+SRGB = "srgb_rec709_scene"
+#: Words in an ICC profile's description -> name of the colour space in OpenColorIO's built-in config
+_PROFILES = {"adobe rgb": "AdobeRGB", "display p3": "srgb_p3d65_scene", "srgb": SRGB}
+#: EXIF orientation -> quarter turns counter-clockwise, then mirrored left to right
+_TURNS = {
+    1: (0, False),
+    2: (0, True),
+    3: (2, False),
+    4: (2, True),
+    5: (3, True),
+    6: (3, False),
+    7: (1, True),
+    8: (1, False),
+}
+
+
+@dataclass(frozen=True)
+class ImageHeader:
+    """What an image file says of itself before its pixels are read.
+
+    Attributes
+    ----------
+    width, height : int
+        Size as stored, before any orientation tag is obeyed.
+    channels : tuple of str
+    integer : bool
+        True for 8- and 16-bit files.
+    orientation : int
+        EXIF orientation 1..8; 1 = as stored.
+    color_space : str
+        Name of the space its colours are in, declared or implied.
+    metadata : mapping
+        EXIF figures: ``ExposureTime``, ``FNumber``, ``Exif:PhotographicSensitivity``, where present.
+    """
+
+    width: int
+    height: int
+    channels: tuple[str, ...]
+    integer: bool
+    orientation: int
+    color_space: str
+    metadata: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def upright_size(self) -> tuple[int, int]:
+        """(width, height) after the orientation tag is obeyed."""
+        return (self.height, self.width) if self.orientation >= 5 else (self.width, self.height)
+
+    @property
+    def has_alpha(self) -> bool:
+        """Whether a channel named A exists."""
+        return "A" in self.channels
+
+
+def read_header(path: Path) -> ImageHeader:
+    """Read size, channels, orientation, colour space and exposure figures of an image file.
+
+    Raises
+    ------
+    MissingFileError, FormatError
+        The file does not exist, or is no image that OpenImageIO reads.
+    """
+    source = _open(path)
+    header = _header(source.spec())
+    source.close()
+    return header
+
+
+def read_stored(path: Path) -> tuple[Array, ImageHeader]:
+    """Read all channels as stored, on the display window, (H, W, C)."""
+    source = _open(path)
+    spec = source.spec()
+    header = _header(spec)
+    if spec.deep:
+        raise FormatError(f"{path}: holds deep pixels; expected an ordinary image")
+    pixels = source.read_image(0, 0, 0, spec.nchannels, spec.format)
+    problem = one_line(source.geterror())
+    source.close()
+    if pixels is None or problem:
+        raise FormatError(f"{path}: the image is damaged ({problem or 'no pixels'}); copy or export it again")
+    pixels = np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+    if (spec.x, spec.y, spec.width, spec.height) == (spec.full_x, spec.full_y, header.width, header.height):
+        return pixels, header
+    return _on_display_window(pixels, spec), header
+
+
+def turned(picture: Array, orientation: int) -> Array:
+    """Obey an EXIF orientation 1..8."""
+    quarter_turns, mirrored = _TURNS[orientation]
+    turned = np.rot90(picture, quarter_turns)
+    return np.ascontiguousarray(turned[:, ::-1] if mirrored else turned)
+
+
+def one_line(text: str) -> str:
+    """Join the lines of a library's message."""
+    return "; ".join(line.strip() for line in text.splitlines() if line.strip())
+
+
+def _open(path: Path) -> Any:
+    import OpenImageIO as oiio
+
+    if not path.is_file():
+        raise MissingFileError(f"{path}: the image does not exist")
+    hints = oiio.ImageSpec()
+    hints.attribute("oiio:UnassociatedAlpha", 1)
+    hints.attribute("oiio:reorient", 0)
+    source = oiio.ImageInput.open(str(path), hints)
+    if source is None:
+        reason = one_line(oiio.geterror())
+        raise FormatError(f"{path}: cannot be read as an image ({reason}); export it again as JPEG, PNG, TIFF or EXR")
+    return source
+
+
+def _header(spec: Any) -> ImageHeader:
+    integer = str(spec.format) not in ("half", "float", "double")
+    metadata = {}
+    for key in ("ExposureTime", "FNumber", "Exif:PhotographicSensitivity"):
+        value = spec.get_float_attribute(key, float("nan"))
+        if np.isfinite(value):
+            metadata[key] = float(value)
+    orientation = spec.get_int_attribute("Orientation", 1)
+    return ImageHeader(
+        spec.full_width or spec.width,
+        spec.full_height or spec.height,
+        tuple(spec.channelnames),
+        integer,
+        orientation if 1 <= orientation <= 8 else 1,
+        _declared_space(spec, integer),
+        metadata,
+    )
+
+
+def _declared_space(spec: Any, integer: bool) -> str:
+    profile = spec.get_string_attribute("ICCProfile:profile_description", "").lower()
+    for words, name in _PROFILES.items():
+        if words in profile:
+            return name
+    return spec.get_string_attribute("oiio:ColorSpace", "") or (SRGB if integer else LINEAR)
+
+
+def _on_display_window(pixels: Array, spec: Any) -> Array:
+    """Place the stored data window on the display window; zeros where nothing is stored."""
+    placed = np.zeros((spec.full_height, spec.full_width, pixels.shape[2]), pixels.dtype)
+    top, left = spec.y - spec.full_y, spec.x - spec.full_x
+    rows = slice(max(top, 0), min(top + spec.height, spec.full_height))
+    columns = slice(max(left, 0), min(left + spec.width, spec.full_width))
+    placed[rows, columns] = pixels[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
+    return placed
