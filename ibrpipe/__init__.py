@@ -38,7 +38,6 @@ _HOME = {
     "read_asset": "io.assets",
     "read_capture": "io.captures",
     "render": "renderers.api",
-    "renderers": "renderers.api",
     "write_asset": "io.assets",
 }
 
@@ -66,10 +65,12 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Import a public name on first use, so that ``import ibrpipe`` and ``ibrpipe --help`` stay instant."""
-    if name not in _HOME:
-        raise AttributeError(f"module 'ibrpipe' has no attribute {name!r}")
     from importlib import import_module
 
+    if name == "renderers":  # the package itself, which can be called
+        return import_module("ibrpipe.renderers")
+    if name not in _HOME:
+        raise AttributeError(f"module 'ibrpipe' has no attribute {name!r}")
     value = getattr(import_module(f"ibrpipe.{_HOME[name]}"), name)
     globals()[name] = value
     return value
