@@ -1,0 +1,168 @@
+"""The render stage on a hand-made asset: files, timings, paths, sizes, video."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ibrpipe
+from ibrpipe.errors import ConfigError, IbrError
+from ibrpipe.io.images import read_depth, read_image
+from ibrpipe.io.views import View, ViewSet, write_views
+from ibrpipe.stages.render import STAGE, Inputs, RenderConfig, run
+from ibrpipe.types import Asset, Camera, LayeredDepthImage, ParallelFrame, SpiralTexture
+
+HEIGHT, WIDTH, TEXEL = 20, 24, 0.1
+COLOR = (0.2, 0.5, 0.1)
+
+
+def wall() -> Asset:
+    """A plane z = 1 of one colour, 2.4 x 2 units around the z axis, facing -z."""
+    frame = ParallelFrame((-1.2, -1.0, 0.0), (TEXEL, 0, 0), (0, TEXEL, 0), (0, 0, 1))
+    offsets = np.arange(HEIGHT)[:, None] * WIDTH + np.arange(WIDTH + 1)
+    count = HEIGHT * WIDTH
+    color = np.tile(np.array(COLOR, np.float32), (count, 1))
+    normal = np.tile(np.array([0, 0, -1], np.float32), (count, 1))
+    return Asset((SpiralTexture(LayeredDepthImage(frame, offsets, np.ones(count), color, normal)),))
+
+
+def camera(x: float) -> Camera:
+    return Camera.look_at((x, 0, -3), (x, 0, 1), up=(0, -1, 0), fov_y_deg=50, width=32, height=24)
+
+
+@pytest.fixture
+def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Inputs:
+    monkeypatch.setitem(ibrpipe.__dict__, "read_asset", lambda path: wall())
+    train = tuple(View(f"train{i}", camera(0.1 * i), tmp_path / f"{i}.png") for i in range(3))
+    test = (View("held", camera(0.05), tmp_path / "held.png", held_out=True),)
+    write_views(ViewSet(train, test), tmp_path / "views.json")
+    (tmp_path / "out").mkdir()
+    return Inputs(tmp_path / "asset", tmp_path / "views.json", tmp_path / "out")
+
+
+def frames_of(inputs: Inputs, **settings: object) -> dict:
+    outputs = run(inputs, RenderConfig(**settings))
+    return json.loads(outputs.frames.read_text(encoding="utf-8"))
+
+
+def test_a_frame_holds_the_walls_depth_and_colour(inputs: Inputs) -> None:
+    (entry,) = frames_of(inputs)["frames"]
+    assert entry["view"] == "held"
+    assert entry["renderer"] == "ldi"
+    depth, picture = read_depth(inputs.out / entry["file"]), read_image(inputs.out / entry["file"])
+    inside = np.isfinite(depth)
+    # the wall spans 2.4 x 2 units at depth 4; a pixel there is 2 * 4 * tan(25 degrees) / 24 units
+    pixel = 2 * 4 * np.tan(np.radians(25)) / 24
+    assert inside.sum() == pytest.approx(2.4 * 2.0 / pixel**2, abs=2 * (32 + 24))
+    assert inside.sum() < 32 * 24 * 0.9
+    np.testing.assert_allclose(depth[inside], 4.0, rtol=1e-6)
+    np.testing.assert_allclose(picture[inside][:, :3], np.tile(COLOR, (inside.sum(), 1)), rtol=1e-5)
+    np.testing.assert_array_equal(picture[..., 3], inside)
+    coded = read_image(inputs.out / entry["png"])
+    assert coded.shape == (24, 32, 4)
+    assert np.abs(coded[inside][:, :3] - COLOR).max() < 0.01
+
+
+def test_the_list_of_frames_says_what_was_done(inputs: Inputs) -> None:
+    listed = frames_of(inputs, path="train", repeats=2)
+    assert [entry["view"] for entry in listed["frames"]] == ["train0", "train1", "train2"]
+    assert listed["path"] == "train"
+    assert listed["renderers"] == ["ldi"]
+    for index, entry in enumerate(listed["frames"]):
+        assert entry["ms"] > 0
+        assert entry["stats"]["rays"] == 32 * 24
+        assert (inputs.out / entry["file"]).is_file()
+        assert (inputs.out / entry["png"]).is_file()
+        np.testing.assert_allclose(entry["cam_from_world"], camera(0.1 * index).cam_from_world, atol=1e-12)
+    assert not list(inputs.out.rglob(".*"))
+
+
+def test_pixels_are_the_same_every_time(inputs: Inputs) -> None:
+    (entry,) = frames_of(inputs)["frames"]
+    files = [inputs.out / entry["file"], inputs.out / entry["png"]]
+    before = [file.read_bytes() for file in files]
+    frames_of(inputs, repeats=1)
+    assert [file.read_bytes() for file in files] == before
+
+
+@pytest.mark.parametrize(
+    ("settings", "size"),
+    [({"width": 64}, (64, 48)), ({"height": 12}, (16, 12)), ({"width": 20, "height": 20}, (20, 20))],
+)
+def test_size_can_be_chosen(inputs: Inputs, settings: dict, size: tuple[int, int]) -> None:
+    (entry,) = frames_of(inputs, **settings)["frames"]
+    assert (entry["width"], entry["height"]) == size
+    assert read_depth(inputs.out / entry["file"]).shape == size[::-1]
+
+
+def test_only_depth_may_be_asked_for(inputs: Inputs) -> None:
+    (entry,) = frames_of(inputs, outputs=("depth",))["frames"]
+    assert "png" not in entry
+    assert sorted(path.name for path in inputs.out.rglob("*.*")) == ["frames.json", "held.exr"]
+    assert np.isfinite(read_depth(inputs.out / entry["file"])).any()
+
+
+def test_an_orbit_keeps_its_distance(inputs: Inputs) -> None:
+    spec = "orbit:frames=4,elevation=30,distance=5,width=16,height=12,up=-y"
+    listed = frames_of(inputs, path=spec)
+    assert [entry["view"] for entry in listed["frames"]] == [f"orbit_{i:04d}" for i in range(4)]
+    for entry in listed["frames"]:
+        pose = np.array(entry["cam_from_world"])
+        # the middle of the samples is (0, 0, 1) and lies straight ahead
+        np.testing.assert_allclose(pose @ [0, 0, 1, 1], [0, 0, 5], atol=1e-9)
+    hits = [entry["stats"]["hits"] for entry in listed["frames"]]
+    assert hits[0] > 0  # azimuth 0 faces the side where the photos are
+    assert max(hits) == hits[0]
+
+
+def test_the_video_holds_every_frame(inputs: Inputs) -> None:
+    import cv2
+
+    listed = frames_of(inputs, path="train", video=True, fps=10)
+    video = cv2.VideoCapture(str(inputs.out / listed["videos"]["ldi"]))
+    pictures = []
+    while (read := video.read())[0]:
+        pictures.append(read[1])
+    assert len(pictures) == 3
+    assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(10)
+    still = cv2.imread(str(inputs.out / listed["frames"][1]["png"]))
+    assert np.abs(pictures[1].astype(int) - still).mean() < 6
+
+
+def test_a_capture_without_held_out_views_says_what_to_do(inputs: Inputs, tmp_path: Path) -> None:
+    write_views(ViewSet((View("a", camera(0), tmp_path / "a.png"),)), tmp_path / "none.json")
+    with pytest.raises(ConfigError, match="hold_out_every"):
+        run(replace(inputs, views=tmp_path / "none.json"), RenderConfig())
+
+
+@pytest.mark.parametrize(
+    ("settings", "match"),
+    [
+        ({"path": "orbit:frames=0"}, "frames is 0"),
+        ({"path": "orbit:speed=3"}, "speed"),
+        ({"path": "orbit:up=w"}, "up is w"),
+        ({"renderers": ()}, "at least 1"),
+        ({"renderers": ("ldi", "ldi")}, "twice"),
+        ({"repeats": 0}, "greater than or equal to 1"),
+        ({"outputs": ("heat",)}, "color"),
+        ({"frames": 3}, "[Ee]xtra"),
+    ],
+)
+def test_wrong_settings_are_refused(settings: dict, match: str) -> None:
+    with pytest.raises(ValueError, match=match):
+        RenderConfig(**settings)
+
+
+@pytest.mark.parametrize("settings", [{"renderers": ("magic",)}, {"path": "no/such/path"}])
+def test_what_does_not_exist_is_told(inputs: Inputs, settings: dict) -> None:
+    with pytest.raises(IbrError, match=r"magic|no such camera path"):
+        run(inputs, RenderConfig(**settings))
+
+
+def test_the_stage_is_wired() -> None:
+    assert STAGE.name == STAGE.place == "render"
+    assert STAGE.config is RenderConfig
