@@ -8,20 +8,22 @@ import numpy as np
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
-def srgb_encode(linear):
+def srgb_encode(linear, top=1.0):
     """Code linear light as sRGB.
 
     Parameters
     ----------
     linear : array_like of float
-        Linear light; values outside 0..1 are clipped first, NaN stays NaN.
+        Linear light; values outside 0..top are clipped first, NaN stays NaN.
+    top : float
+        1 for pictures; infinity carries the curve on above 1, for light that is not clipped.
 
     Returns
     -------
     ndarray
-        Coded values in 0..1, same shape; float64 in, float64 out, all else float32.
+        Coded values, 0..1 where `top` is 1, same shape; float64 in, float64 out, all else float32.
     """
-    x = np.clip(_floating(linear), 0.0, 1.0)
+    x = np.clip(_floating(linear), 0.0, top)
     low = x * x.dtype.type(12.92)
     high = x.dtype.type(1.055) * np.power(np.maximum(x, x.dtype.type(0.0031308)), x.dtype.type(1.0 / 2.4))
     return np.where(x <= x.dtype.type(0.0031308), low, high - x.dtype.type(0.055))

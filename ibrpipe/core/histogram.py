@@ -1,11 +1,9 @@
 """Diffuse colour of a surface point from all photos that see it. Source: gong-yang, sec. 4.1.
 
-Each channel's observations, coded for display (so that bins are about equally visible), go into a histogram; the median
+Each channel's observations, in display code (so that bins are about equally visible), go into a histogram; the median
 is found by counting bins and then taken from the values inside the bin of the middle rank, so one or two observations
-give their own value and their mean, and bins cost no precision.
+give their own value and their mean, and bins cost little precision.
 """
-
-import math
 
 import numpy as np
 from numba import prange
@@ -14,14 +12,6 @@ from ibrpipe.core.jit import helper, kernel
 from ibrpipe.core.photo_blend import BLOCK, CLEAN, USABLE, fetch, see
 
 MEDIAN, MEAN, MODE = 0, 1, 2
-
-
-@helper
-def code(value):
-    """Code linear light for display (sRGB curve, continued above 1)."""
-    if value <= 0.0031308:
-        return 12.92 * value
-    return 1.055 * math.pow(value, 1.0 / 2.4) - 0.055
 
 
 @helper
@@ -34,13 +24,13 @@ def fill(values, count, top, bins):
 
 @helper
 def bin_of(value, top, size):
-    """Return the bin of a linear value; coded values above `top` go into the last bin."""
-    return min(max(int(code(value) / top * size), 0), size - 1)
+    """Return the bin of a value; values above `top` go into the last bin."""
+    return min(max(int(value / top * size), 0), size - 1)
 
 
 @helper
 def mean_of_bin(values, count, which, top, size):
-    """Mean of the linear values that fall into bin `which`."""
+    """Mean of the values that fall into bin `which`."""
     total, members = 0.0, 0
     for i in range(count):
         if bin_of(values[i], top, size) == which:
@@ -62,7 +52,7 @@ def bin_of_rank(bins, rank):
 
 @helper
 def reduce_channel(values, count, top, bins, statistic):
-    """Return median, mean or mode of values (count,) f64 of one channel, linear light; count >= 1."""
+    """Return median, mean or mode of values (count,) f64 of one channel; count >= 1."""
     if statistic == MEAN:
         total = 0.0
         for i in range(count):
@@ -85,26 +75,27 @@ def diffuse_colors(
 ):  # fmt: skip
     """Reduce the colours of all photos that see each point to one diffuse colour."""
     # points (N, 3) f64, normals (N, 3) f32; photo arrays as in photo_blend.blend_photos
-    # top f64: largest coded colour; bin_count i64; statistic MEDIAN, MEAN or MODE
-    # out_color (N, 3) f32 linear, NaN where unseen; out_spread (N,) f32: mean over photos and channels of
-    # |coded colour - coded diffuse|; out_count (N,) i32 photos used
+    # top f64: largest colour; bin_count i64; statistic MEDIAN, MEAN or MODE
+    # out_color (N, 3) f32 display code, NaN where unseen; out_spread (N,) f32: mean over photos and channels of
+    # |colour - diffuse|; out_count (N,) i32 photos used
     photos = len(centers)
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
         seen = np.empty((2, 3, photos))
-        bins = np.empty(bin_count, np.int32)
+        bins, corners = np.empty(bin_count, np.int32), np.empty((4, 2))
         for i in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
             clean, usable = 0, 0
             for p in range(photos):
-                quality, x, y = see(
+                quality = see(
                     points[i, 0], points[i, 1], points[i, 2], normals[i, 0], normals[i, 1], normals[i, 2],
-                    projection[p], centers[p], sizes[p, 0], sizes[p, 1], starts[p], depth, mask, cos_min, slack
+                    projection[p], centers[p], sizes[p, 0], sizes[p, 1], starts[p], depth, mask,
+                    cos_min, slack, corners
                 )  # fmt: skip
                 if quality == CLEAN:
-                    red, green, blue = fetch(color, starts[p], sizes[p, 0], sizes[p, 1], x, y)
+                    red, green, blue = fetch(color, corners)
                     seen[0, 0, clean], seen[0, 1, clean], seen[0, 2, clean] = red, green, blue
                     clean += 1
                 elif quality == USABLE:
-                    red, green, blue = fetch(color, starts[p], sizes[p, 0], sizes[p, 1], x, y)
+                    red, green, blue = fetch(color, corners)
                     seen[1, 0, usable], seen[1, 1, usable], seen[1, 2, usable] = red, green, blue
                     usable += 1
             kind, count = (0, clean) if clean > 0 else (1, usable)
@@ -118,5 +109,5 @@ def diffuse_colors(
                 value = reduce_channel(seen[kind, c], count, top, bins, statistic)
                 out_color[i, c] = value
                 for j in range(count):
-                    spread += abs(code(seen[kind, c, j]) - code(value))
+                    spread += abs(seen[kind, c, j] - value)
             out_spread[i] = spread / (3 * count)

@@ -118,7 +118,7 @@ def appearance(
         owner = np.stack([r.facing(points, normals) for r in rectangles], axis=1).argmax(axis=1)
         good = count >= 2
         for color, column in ((diffuse, 1), (blended, 2)):
-            error = ((srgb_encode(color[good]) - srgb_encode(truth[good])) ** 2).mean(axis=1)
+            error = ((srgb_encode(color[good]) - truth[good]) ** 2).mean(axis=1)
             np.add.at(sums[:, column], owner[good], error)
         np.add.at(sums[:, 0], owner[good], 1)
     return [Appearance(int(n), d / max(n, 1), b / max(n, 1)) for n, d, b in sums]
@@ -136,4 +136,4 @@ def _photo_surface(
     directions = np.stack([column + 0.5, row + 0.5, np.ones(len(pixels))], axis=1) @ camera.world_from_pixel.T
     points = camera.center + hits.t.ravel()[pixels, None].astype(np.float64) * directions
     normals = caster.smooth_normals(hits.face.ravel()[pixels], hits.uv.reshape(-1, 2)[pixels])
-    return points, normals, photos.color[own][pixels]
+    return points, normals, photos.code[own][pixels]

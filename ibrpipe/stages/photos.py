@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.core.histogram import diffuse_colors
 from ibrpipe.core.photo_blend import blend_photos
 from ibrpipe.embree import MeshCaster
@@ -16,9 +17,9 @@ from ibrpipe.progress import track
 from ibrpipe.types import Array, Camera
 
 #: smallest cosine between surface normal and direction to a photo for the photo to count as seeing the surface
-COS_MIN = 0.12
+COS_MIN = 0.05
 #: how far a photo's depth map may differ from a point's depth, in pixel footprints on the surface
-DEPTH_SLACK = 1.5
+DEPTH_SLACK = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,7 @@ class PhotoSet:
     centers : (P, 3) float64, world
     sizes : (P, 2) int32, height and width
     starts : (P,) or (P + 1,) int64, first pixel of every photo
-    color : (T, 3) float32, linear light
+    code : (T, 3) float32, display code (sRGB curve, carried on above 1)
     depth : (T,) float32, of the mesh along camera z at pixel centres, +inf where the mesh is not hit
     mask : (T,) float32, coverage 0 to 1
     """
@@ -42,13 +43,13 @@ class PhotoSet:
     centers: Array
     sizes: Array
     starts: Array
-    color: Array
+    code: Array
     depth: Array
     mask: Array
 
     @property
     def _arrays(self) -> tuple[Array, ...]:
-        return self.projection, self.centers, self.sizes, self.starts, self.color, self.depth, self.mask
+        return self.projection, self.centers, self.sizes, self.starts, self.code, self.depth, self.mask
 
     def subset(self, photos: Sequence[int]) -> PhotoSet:
         """Some of the photos; pixels are shared, not copied."""
@@ -59,7 +60,7 @@ class PhotoSet:
             self.centers[chosen],
             self.sizes[chosen],
             self.starts[chosen],
-            self.color,
+            self.code,
             self.depth,
             self.mask,
         )
@@ -82,7 +83,7 @@ class PhotoSet:
         points, normals = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(normals, np.float32)
         directions = np.ascontiguousarray(directions, np.float64)
         blend_photos(points, normals, directions, *self._arrays, COS_MIN, DEPTH_SLACK, color, count)
-        return color, count
+        return srgb_decode(color), count
 
     def diffuse(self, points: Array, normals: Array, bins: int = 128, statistic: int = 0) -> tuple[Array, Array, Array]:
         """Reduce what all photos show of surface points to diffuse colours (gong-yang, sec. 4.1).
@@ -96,9 +97,9 @@ class PhotoSet:
         color, spread = np.empty((len(points), 3), np.float32), np.empty(len(points), np.float32)
         count = np.empty(len(points), np.int32)
         points, normals = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(normals, np.float32)
-        top = max(1.0, 1.055 * float(self.color.max()) ** (1 / 2.4) - 0.055)
+        top = max(1.0, float(self.code.max()))
         diffuse_colors(points, normals, *self._arrays, COS_MIN, DEPTH_SLACK, top, bins, statistic, color, spread, count)
-        return color, spread, count
+        return srgb_decode(color), spread, count
 
 
 def load_photos(views: Sequence[View], caster: MeshCaster) -> PhotoSet:
@@ -116,12 +117,12 @@ def load_photos(views: Sequence[View], caster: MeshCaster) -> PhotoSet:
     cameras = tuple(view.camera for view in views)
     sizes = np.array([(c.height, c.width) for c in cameras], np.int32)
     starts = np.concatenate([[0], np.cumsum(sizes.astype(np.int64).prod(axis=1))])
-    color, depth = np.empty((starts[-1], 3), np.float32), np.empty(starts[-1], np.float32)
+    code, depth = np.empty((starts[-1], 3), np.float32), np.empty(starts[-1], np.float32)
     mask = np.empty(starts[-1], np.float32)
     for p, view in enumerate(track(views, "photos")):
         own = slice(starts[p], starts[p + 1])
         pixels, coverage = load_view(view)
-        color[own], mask[own] = pixels.reshape(-1, 3), coverage.ravel()
+        code[own], mask[own] = srgb_encode(pixels, np.inf).reshape(-1, 3), coverage.ravel()
         depth[own] = caster.cast_camera(view.camera).t.ravel()
     return PhotoSet(
         cameras,
@@ -129,7 +130,7 @@ def load_photos(views: Sequence[View], caster: MeshCaster) -> PhotoSet:
         np.stack([c.center for c in cameras]),
         sizes,
         starts,
-        color,
+        code,
         depth,
         mask,
     )
