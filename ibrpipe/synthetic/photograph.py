@@ -46,7 +46,7 @@ def _hits(staged: StagedScene, camera: Camera, x: Array, y: Array) -> tuple[Arra
     hits = staged.caster.cast(camera.center, rays)
     hit = np.flatnonzero(hits.face >= 0)
     depth, rays = hits.t[hit].astype(np.float64), rays[hit]
-    samples = surface_samples(staged, camera.center + depth[:, None] * rays, hits.face[hit])
+    samples = surface_samples(staged, camera.center + depth[:, None] * rays, hits.face[hit], hits.uv[hit])
     return hit, depth, samples, -rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 

@@ -148,24 +148,15 @@ def _openness(caster: MeshCaster, normals: Array, rays: int) -> Array:
     return openness / rays
 
 
-def surface_samples(staged: StagedScene, points: Array, face: Array) -> Samples:
-    """Interpolate what is known at the vertices to points (N, 3) on the triangles `face` (N,)."""
+def surface_samples(staged: StagedScene, points: Array, face: Array, uv: Array) -> Samples:
+    """Interpolate what is known at the vertices to points (N, 3) at barycentric `uv` (N, 2) of triangles (N,)."""
     corners = staged.caster.mesh.faces[face]
-    weights = _barycentric(points, *(staged.caster.mesh.vertices[corners[:, i]] for i in range(3)))
+    u, v = uv.astype(np.float64).T
+    weights = np.stack([1.0 - u - v, u, v], axis=1)
     normals = sum(weights[:, i : i + 1] * staged.normals[corners[:, i]] for i in range(3))
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     openness = (weights * staged.openness[corners]).sum(axis=1)
     return Samples(points, normals, openness, staged.part[face])
-
-
-def _barycentric(p: Array, a: Array, b: Array, c: Array) -> Array:
-    """Barycentric coordinates (N, 3) of points in the planes of their triangles."""
-    ab, ac, ap = b - a, c - a, p - a
-    dot = [(s * t).sum(axis=1) for s, t in ((ab, ab), (ab, ac), (ac, ac), (ap, ab), (ap, ac))]
-    scale = 1.0 / (dot[0] * dot[2] - dot[1] ** 2)
-    v = (dot[2] * dot[3] - dot[1] * dot[4]) * scale
-    w = (dot[0] * dot[4] - dot[1] * dot[3]) * scale
-    return np.clip(np.stack([1.0 - v - w, v, w], axis=1), 0.0, 1.0)
 
 
 def albedo(scene: Scene, samples: Samples) -> Array:

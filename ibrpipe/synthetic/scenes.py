@@ -62,7 +62,7 @@ def _carving(u: Array, v: Array) -> Array:
     """Surface of the wall: x in [-1.5, 1.5], z in [-1.1, 1.1], relief along -y."""
     x, z = 1.5 * u, 1.1 * v
     radius, angle = np.hypot(x, z), np.arctan2(z, x)
-    rosette = 0.16 * np.exp(-((radius / 0.42) ** 4)) * (1.0 + 0.45 * np.cos(8.0 * angle) * np.tanh(4.0 * radius))
+    rosette = 0.16 * np.exp(-((radius / 0.42) ** 4)) * (1.0 + 0.4 * np.cos(8.0 * angle) * np.tanh((radius / 0.22) ** 4))
     moulding = 0.10 * np.exp(-(((radius - 0.86) / 0.09) ** 2))
     waves = 0.025 * np.sin(7.0 * x + 1.0) * np.sin(6.0 * z) * (1.0 - np.exp(-(radius**4)))
     return np.stack([x, -(rosette + moulding + waves), z], axis=-1)
