@@ -1,0 +1,32 @@
+# Every target sets up what it needs: .venv with the locked dependencies. `make demo` and `make test` are the two to know.
+
+BIN := .venv/bin
+.PHONY: demo test lint docs lock setup clean
+
+demo: .venv/.ready  ## the whole job on a built-in synthetic capture; ends with demo/report/report.html
+	$(BIN)/ibrpipe demo --out demo
+
+test: .venv/.ready  ## all tests
+	$(BIN)/python -m pytest -q
+
+lint: .venv/.ready  ## style, types, import rules, generated files up to date
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python docs/generate.py --check
+
+docs: .venv/.ready  ## write docs/cli.md and data_specs/*.schema.json anew
+	$(BIN)/python docs/generate.py
+
+lock: .venv/.ready  ## write requirements.lock from what .venv holds
+	$(BIN)/python .ci/lock.py
+
+setup: .venv/.ready
+
+.venv/.ready: requirements.lock pyproject.toml .ci/setup
+	@.ci/setup
+
+clean:  ## remove the environment, caches and the demo
+	rm -rf .venv demo build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
