@@ -1,0 +1,101 @@
+"""What ``metrics.json`` holds: the verdict of a run, view by view and in the mean."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field
+
+SCHEMA_VERSION = 1
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Scores(_Record):
+    """Error and speed of one way of rendering, in one view or in the mean over the views."""
+
+    psnr: float | None = Field(description="dB over the mask, 8-bit sRGB; 100 = no pixel differs")
+    ssim: float | None = Field(description="Structural similarity, mean of the map over the mask; 1 = equal")
+    flip: float | None = Field(description="LDR-FLIP, mean of the map over the mask; 0 = no visible difference")
+    depth_rmse: float | None = Field(
+        default=None, description="Scene units along camera z over mask pixels hit in truth and render; null = no truth"
+    )
+    depth_median: float | None = Field(default=None, description="Median absolute depth error over the same pixels")
+    coverage: float | None = Field(description="Share of the mask's pixels that are rendered, 0..1")
+    psnr_highlight: float | None = Field(default=None, description="dB over highlight pixels alone; null = none")
+    psnr_rest: float | None = Field(default=None, description="dB over the mask's other pixels; null = none")
+    ms_per_frame: float | None = Field(default=None, description="Median milliseconds of a frame at the timing size")
+    mpix_per_s: float | None = Field(default=None, description="Millions of pixels a second at the timing size")
+
+
+class ViewMetrics(_Record):
+    """Scores of one held-out view."""
+
+    name: str = Field(description="The view's name, as in the capture")
+    mask_pixels: int = Field(description="Pixels with mask coverage of at least one half")
+    highlight_pixels: int = Field(description="Mask pixels whose truth is far from the diffuse-only picture")
+    renderers: dict[str, Scores] = Field(description="By renderer")
+    baselines: dict[str, Scores] = Field(description="By baseline")
+
+
+class Protocol(_Record):
+    """How the figures were taken; `lines` say the same in words."""
+
+    mask_threshold: float = Field(description="Least mask coverage of a pixel that counts")
+    highlight_threshold: int = Field(description="Least difference of truth and diffuse-only, in 8-bit codes")
+    ssim_window: str = Field(description="Window of SSIM")
+    flip_ppd: float = Field(description="Pixels per degree that FLIP assumes")
+    psnr_cap: float = Field(description="dB stated for equal pictures")
+    timing_width: int = Field(description="Width of the timed frames in pixels")
+    timing_height: int = Field(description="Height of the timed frames of the first view in pixels")
+    timing_repeats: int = Field(description="Timed frames for each view and way; the median counts")
+    threads: int = Field(description="Threads that every timed way may use")
+    lines: list[str] = Field(description="The protocol in sentences, as the report prints it")
+
+
+class Machine(_Record):
+    """What the figures were measured on."""
+
+    cpu: str = Field(description="Processor as the system names it")
+    cores: int = Field(description="Logical processors this process may use")
+    threads: int = Field(description="Threads of the kernels")
+    system: str = Field(description="Operating system")
+    python: str = Field(description="Python version")
+    versions: dict[str, str] = Field(description="Versions of ibrpipe and of the libraries that matter")
+
+
+class MetricsModel(_Record):
+    """The whole of ``metrics.json``."""
+
+    schema_version: int = Field(default=SCHEMA_VERSION, description="Version of this layout")
+    renderer: str = Field(description="The renderer that `mean` speaks of")
+    views: list[ViewMetrics] = Field(description="Held-out views in the capture's order")
+    mean: Scores = Field(description="Mean over the views of the first renderer")
+    renderers: dict[str, Scores] = Field(description="Mean over the views by renderer")
+    baselines: dict[str, Scores] = Field(description="Mean over the views by baseline: diffuse, ulr, mesh")
+    bytes: dict[str, int] = Field(description="Sizes on disk: asset and its parts, photos, masks, mesh")
+    seconds: dict[str, float] = Field(description="Seconds by stage, from the stages' manifests")
+    machine: Machine
+    protocol: Protocol
+
+
+def mean_scores(scores: list[Scores]) -> Scores:
+    """Return the mean of every figure over the views that have it; None where no view has it."""
+    means: dict[str, float | None] = {}
+    for field in Scores.model_fields:
+        values = [value for value in (getattr(score, field) for score in scores) if value is not None]
+        means[field] = sum(values) / len(values) if values else None
+    return Scores(**means)
+
+
+def write_metrics(metrics: MetricsModel, path: Path) -> None:
+    """Write ``metrics.json``: UTF-8, two spaces, keys in the order of the model."""
+    path.write_text(json.dumps(metrics.model_dump(mode="json"), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def read_metrics(path: Path) -> MetricsModel:
+    """Read a ``metrics.json``; unknown keys and wrong types are errors."""
+    return MetricsModel.model_validate_json(Path(path).read_text(encoding="utf-8"))
