@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -130,6 +131,12 @@ class MeshCaster:
         x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
         directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
         return self.cast(camera.center, directions)
+
+    def prepared_cast(self, camera: Camera) -> Callable[[], object]:
+        """Return a function that casts one ray per pixel, the rays laid out beforehand: for timing Embree alone."""
+        x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+        rays = self._rays(camera.center, np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T)
+        return lambda: self._scene.cast_rays(rays, nthreads=self._threads)
 
     def occluded(self, origins: Array, directions: Array, near: float, far: float) -> Array:
         """Say which (N, 3) rays meet the mesh between `near` and `far` (in lengths of the direction); (N,) bool."""
