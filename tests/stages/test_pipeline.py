@@ -75,7 +75,7 @@ BROKEN = {
     "layers:\n  bins: 5": "p.yaml:2: layers.bins is 5; it should be greater than or equal to 8",
     "layers:\n  bins: many": "p.yaml:2: layers.bins is 'many'; it should be a valid integer",
     "layers:\n  mode: mode": "p.yaml:2: layers.mode is 'mode'; it should be 'median' or 'mean'",
-    "layers:\n  boxes:\n  - depth: 1\n  - dept: 2": 'p.yaml:4: unknown key "dept" in layers.boxes.1; did you mean "depth"?',
+    "layers:\n  boxes:\n  - depth: 1\n  - dept: 2": 'p.yaml:4: unknown key "dept" in layers.boxes.1; did you mean "dep',
     "layers:\n  box:\n    dept: 2": 'p.yaml:3: unknown key "dept" in layers.box; did you mean "depth"?',
     "layers:\n  box:\n    depth: -2": "p.yaml:3: layers.box.depth is -2; it should be greater than or equal to 0",
     "layers: 5": "p.yaml:1: layers is 5; it should be a valid dictionary or instance of LayersConfig",
