@@ -52,12 +52,12 @@ def render_median(camera: Camera, caster: MeshCaster, photos: PhotoSet) -> Frame
 
 def _shade_mesh(camera: Camera, caster: MeshCaster, shade: Shade) -> Frame:
     hits = caster.cast_camera(camera)
-    hit: Array = np.isfinite(hits.t)
+    hit = np.isfinite(hits.t)
     rays = camera_rays(camera)[hit]
     points = camera.center + rays * hits.t[hit][:, None].astype(np.float64)
     toward = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
     shaded = shade(points, _facing(hits.normal[hit], toward), toward)
-    known = np.isfinite(shaded).all(axis=1)
+    known: Array = np.isfinite(shaded).all(axis=1)
     color, alpha = np.zeros((*hit.shape, 3), np.float32), np.zeros(hit.shape, np.float32)
     color[hit], alpha[hit] = np.where(known[:, None], shaded, 0.0), known
     return Frame(color, hits.t, alpha, {"unseen": int((~known).sum())})
@@ -71,5 +71,5 @@ def camera_rays(camera: Camera) -> Array:
 
 def _facing(normals: Array, toward: Array) -> Array:
     """Return normals turned to the side of the surface that is looked at."""
-    behind = np.einsum("ij,ij->i", normals, toward) < 0.0
-    return np.where(behind[:, None], -normals, normals)
+    behind = np.einsum("ij,ij->i", normals, toward)[:, None] < 0.0
+    return np.where(behind, -normals, normals)

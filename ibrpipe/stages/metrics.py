@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -52,6 +53,7 @@ class Protocol(_Record):
     timing_width: int = Field(description="Width of the timed frames in pixels")
     timing_height: int = Field(description="Height of the timed frames of the first view in pixels")
     timing_repeats: int = Field(description="Timed frames for each view and way; the median counts")
+    timing_views: int = Field(description="Views that were timed")
     threads: int = Field(description="Threads that every timed way may use")
     lines: list[str] = Field(description="The protocol in sentences, as the report prints it")
 
@@ -82,7 +84,7 @@ class MetricsModel(_Record):
     protocol: Protocol
 
 
-def mean_scores(scores: list[Scores]) -> Scores:
+def mean_scores(scores: Sequence[Scores]) -> Scores:
     """Return the mean of every figure over the views that have it; None where no view has it."""
     means: dict[str, float | None] = {}
     for field in Scores.model_fields:

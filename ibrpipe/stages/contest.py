@@ -1,0 +1,80 @@
+"""Who takes part in an evaluation: the renderers' frames and the plain baselines, to be scored and timed alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import ibrpipe
+from ibrpipe.embree import MeshCaster
+from ibrpipe.io.views import View
+from ibrpipe.renderers.api import Prepared
+from ibrpipe.stages.baselines import render_median, render_ulr
+from ibrpipe.stages.held_out import Frames
+from ibrpipe.stages.photos import PhotoSet
+from ibrpipe.stages.timing import Draw, Way, cast_alone
+from ibrpipe.types import Asset, Camera, Frame
+
+#: what a timed frame holds
+TIMED_OUTPUTS = ("color", "depth")
+
+
+@dataclass(frozen=True)
+class Contest:
+    """Everything that is scored and timed, by name.
+
+    Attributes
+    ----------
+    renderers, baselines : dict
+        Name to the function that makes a view's frame.
+    ways : dict
+        Name to the way that is timed; the names are those of `renderers` and `baselines`.
+    """
+
+    renderers: dict[str, Callable[[View], Frame]]
+    baselines: dict[str, Callable[[View], Frame]]
+    ways: dict[str, Way]
+
+
+def make_contest(asset: Asset, frames: Frames, caster: MeshCaster, photos: PhotoSet) -> Contest:
+    """Prepare every renderer of `frames`, diffuse-only, the lumigraph and the mesh in median colours.
+
+    Raises
+    ------
+    RendererError
+        A renderer is unknown or cannot render the asset.
+    """
+    prepared = {name: ibrpipe.prepare(asset, name) for name in frames.renderers}
+    first = frames.renderers[0]
+    plain: dict[str, Any] = {"residuals": False} if "residuals" in ibrpipe.renderers()[first]["options"] else {}
+    return Contest(
+        renderers={name: _frame_of(frames, name, ready) for name, ready in prepared.items()},
+        baselines={
+            "diffuse": lambda view: ibrpipe.render(prepared[first], view.camera, first, **plain),
+            "ulr": lambda view: render_ulr(view.camera, caster, photos),
+            "mesh": lambda view: render_median(view.camera, caster, photos),
+        },
+        ways={
+            **{name: _way(name, ready) for name, ready in prepared.items()},
+            "diffuse": _way(first, prepared[first], **plain),
+            "ulr": Way(lambda camera: lambda: render_ulr(camera, caster, photos), repeats=1),
+            "mesh": cast_alone(caster),
+        },
+    )
+
+
+def _frame_of(frames: Frames, name: str, prepared: Prepared) -> Callable[[View], Frame]:
+    """Return a function that loads the render stage's frame of a view, or renders what that stage did not."""
+
+    def load_or_render(view: View) -> Frame:
+        return frames.load(name, view) or ibrpipe.render(prepared, view.camera, name)
+
+    return load_or_render
+
+
+def _way(name: str, prepared: Prepared, **options: Any) -> Way:
+    def prepare(camera: Camera) -> Draw:
+        return lambda: ibrpipe.render(prepared, camera, name, TIMED_OUTPUTS, **options)
+
+    return Way(prepare)

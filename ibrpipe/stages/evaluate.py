@@ -1,0 +1,165 @@
+"""Stage evaluate: held-out views against the render and plain baselines: ``metrics.json`` and ``report.html``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import TypeVar
+
+import numba
+from pydantic import Field
+
+import ibrpipe
+from ibrpipe.config import StageConfig
+from ibrpipe.embree import MeshCaster
+from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.views import View, read_views
+from ibrpipe.progress import track
+from ibrpipe.stages.contest import Contest, make_contest
+from ibrpipe.stages.held_out import held_out_views, load_truth, read_frames
+from ibrpipe.stages.machine import describe_machine
+from ibrpipe.stages.metrics import MetricsModel, Scores, ViewMetrics, mean_scores, write_metrics
+from ibrpipe.stages.photos import load_photos
+from ibrpipe.stages.protocol import make_protocol
+from ibrpipe.stages.report import ViewPictures, draw_view, read_sources, write_report
+from ibrpipe.stages.scores import highlight_pixels, score_frame, to_srgb8
+from ibrpipe.stages.sizes import bytes_of, seconds_of
+from ibrpipe.stages.stage import Stage
+from ibrpipe.stages.timing import time_ways, timed_size
+from ibrpipe.types import Camera
+
+T = TypeVar("T")
+
+
+class EvaluateConfig(StageConfig):
+    """Settings of the evaluate stage."""
+
+    highlight_threshold: int = Field(
+        default=24, ge=1, le=255, description="Least difference from diffuse-only of a highlight pixel, 8-bit codes"
+    )
+    timing_width: int = Field(default=640, ge=16, le=16384, description="Width of the timed frames in pixels")
+    timing_repeats: int = Field(
+        default=7, ge=1, le=1000, description="Timed frames per view and way; the median counts"
+    )
+    timing_views: int = Field(
+        default=4, ge=1, le=1000, description="Views that are timed, spread over the held-out ones"
+    )
+    report_views: int = Field(default=8, ge=0, le=1000, description="Views that the report shows in pictures")
+    picture_width: int = Field(default=480, ge=32, le=4096, description="Widest picture in the report in pixels")
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A finished asset, the frames rendered from it, the views and mesh it was made from, and the folder to write to.
+
+    `run` is the run folder, whose manifests, plan and audit the report tells of; None leaves them out.
+    """
+
+    asset: Path
+    views: Path
+    mesh: Path
+    frames: Path
+    out: Path
+    run: Path | None = None
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Figures for machines and a report for people."""
+
+    metrics: Path
+    report: Path
+
+
+def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
+    """Score the frames of the held-out views beside the baselines, time them, and write figures and report.
+
+    Raises
+    ------
+    CaptureError
+        No view is held out.
+    MissingFileError, FormatError
+        An input is missing or damaged.
+    """
+    began = perf_counter()
+    views = read_views(inputs.views)
+    tested, frames = held_out_views(views), read_frames(inputs.frames)
+    caster = MeshCaster(read_mesh(inputs.mesh), threads=numba.get_num_threads())
+    contest = make_contest(ibrpipe.read_asset(inputs.asset), frames, caster, load_photos(views.train, caster))
+    scored, pictures = _score_all(contest, tested, config)
+    cameras = _spread([timed_size(view.camera, config.timing_width) for view in tested], config.timing_views)
+    speeds = _speeds(time_ways(contest.ways, cameras, config.timing_repeats), cameras)
+    renderers = {name: _mean([view.renderers[name] for view in scored], speeds[name]) for name in contest.renderers}
+    metrics = MetricsModel(
+        renderer=frames.renderers[0],
+        views=scored,
+        mean=renderers[frames.renderers[0]],
+        renderers=renderers,
+        baselines={name: _mean([view.baselines[name] for view in scored], speeds[name]) for name in contest.baselines},
+        bytes=bytes_of(inputs.asset, views.train, inputs.mesh),
+        seconds={**seconds_of(inputs.run, STAGE.name), STAGE.name: perf_counter() - began},
+        machine=describe_machine(),
+        protocol=make_protocol(cameras[0], config.timing_repeats, len(cameras), config.highlight_threshold),
+    )
+    outputs = Outputs(inputs.out / "metrics.json", inputs.out / "report.html")
+    write_metrics(metrics, outputs.metrics)
+    write_report(outputs.report, metrics, pictures, read_sources(views, inputs.run))
+    return outputs
+
+
+def _score_all(
+    contest: Contest, views: Sequence[View], config: EvaluateConfig
+) -> tuple[list[ViewMetrics], list[ViewPictures]]:
+    """Score every view in every way, and draw the pictures of those that the report shows."""
+    shown = {view.name for view in _spread(views, config.report_views)}
+    scored, pictures = [], []
+    for view in track(views, "score"):
+        truth = load_truth(view)
+        frames = {name: draw(view) for name, draw in {**contest.renderers, **contest.baselines}.items()}
+        codes = {name: to_srgb8(frame.color) for name, frame in frames.items() if frame.color is not None}
+        highlights = highlight_pixels(truth.color, codes["diffuse"], truth.mask, config.highlight_threshold)
+        metrics = ViewMetrics(
+            name=view.name,
+            mask_pixels=int(truth.mask.sum()),
+            highlight_pixels=int(highlights.sum()),
+            renderers={name: score_frame(truth, frames[name], highlights) for name in contest.renderers},
+            baselines={name: score_frame(truth, frames[name], highlights) for name in contest.baselines},
+        )
+        scored.append(metrics)
+        if view.name in shown:
+            pictures.append(draw_view(metrics, truth, codes, highlights, config.picture_width))
+    return scored, pictures
+
+
+def _mean(scores: Sequence[Scores], speed: Mapping[str, float]) -> Scores:
+    return mean_scores(scores).model_copy(update=dict(speed))
+
+
+def _speeds(times: Mapping[str, Sequence[float]], cameras: Sequence[Camera]) -> dict[str, dict[str, float]]:
+    """Return, by way, mean milliseconds a frame and millions of pixels a second."""
+    pixels = sum(camera.width * camera.height for camera in cameras)
+    return {
+        name: {"ms_per_frame": sum(taken) / len(taken), "mpix_per_s": pixels / (1e3 * sum(taken))}
+        for name, taken in times.items()
+    }
+
+
+def _spread(items: Sequence[T], count: int) -> list[T]:
+    """Return at most `count` of the items, evenly spread, in order."""
+    if len(items) <= count:
+        return list(items)
+    return [items[(2 * index + 1) * len(items) // (2 * count)] for index in range(count)]
+
+
+STAGE = Stage(
+    name="evaluate",
+    summary="Score frames of held-out views beside plain baselines; write metrics.json and report.html.",
+    inputs=Inputs,
+    config=EvaluateConfig,
+    run=run,
+    needs=("ingest", "plan", "asset", "render"),
+    example="ibrpipe evaluate --out runs/vase",
+    folder="report",
+)

@@ -1,0 +1,48 @@
+"""How the figures of an evaluation are taken, in numbers and in words."""
+
+from __future__ import annotations
+
+import numba
+
+from ibrpipe.stages.metrics import Protocol
+from ibrpipe.stages.scores import FLIP_PPD, MASK_THRESHOLD, PSNR_CAP, SSIM_WINDOW
+from ibrpipe.types import Camera
+
+
+def make_protocol(timed: Camera, repeats: int, views: int, highlight_threshold: int) -> Protocol:
+    """Return the protocol of frames of `timed`'s size, timed `repeats` times in `views` views."""
+    threads = numba.get_num_threads()
+    return Protocol(
+        mask_threshold=MASK_THRESHOLD,
+        highlight_threshold=highlight_threshold,
+        ssim_window=SSIM_WINDOW,
+        flip_ppd=FLIP_PPD,
+        psnr_cap=PSNR_CAP,
+        timing_width=timed.width,
+        timing_height=timed.height,
+        timing_repeats=repeats,
+        timing_views=views,
+        threads=threads,
+        lines=[
+            "Held-out photos are used for measuring only. All scores compare 8-bit sRGB pictures, and only pixels "
+            f"whose mask coverage is at least {MASK_THRESHOLD}; figures are means over the views.",
+            "Mask pixels that a render leaves uncovered are black and count as such. Outside the mask both pictures "
+            "are black, so that nothing there reaches into a window or filter.",
+            "PSNR: mean squared error over the mask's pixels and three channels, peak 255; "
+            f"{PSNR_CAP:.0f} dB stands for equal pictures.",
+            f"SSIM: scikit-image, window {SSIM_WINDOW}, each channel for itself, mean of the map over the mask.",
+            f"FLIP: flip-evaluator, LDR, {FLIP_PPD:.0f} pixels per degree, mean of the map over the mask.",
+            "Depth error: along camera z, in scene units, over mask pixels that both truth and render hit.",
+            "Coverage: share of the mask's pixels that the render hits.",
+            "Highlight pixels: mask pixels where the photo and the diffuse-only picture differ by "
+            f"{highlight_threshold} of 255 codes or more in some channel. They are chosen by the "
+            "error of diffuse-only, which is bound to do badly there; read them beside the figures of the whole mask.",
+            "diffuse: the same asset and renderer without residuals. ulr: unstructured lumigraph; at every pixel the "
+            "mesh is cast and the best four training photos that see the point are blended, weights dot_i - dot_4. "
+            "mesh: the mesh with, at every pixel, the median of all training photos that see the point; its time is "
+            "that of Embree's ray cast alone (Open3D's RaycastingScene, rays laid out beforehand), no colouring.",
+            f"Times: frames {timed.width} pixels wide, colour and depth, {threads} threads each, {views} views; all "
+            f"ways take turns, each draws twice in its turn and the second counts; median of {repeats} turns (ulr: 1). "
+            "Reading, preparing and writing are outside the timer.",
+        ],
+    )

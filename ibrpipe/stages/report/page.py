@@ -1,0 +1,82 @@
+"""Fill the page's template and write it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from ibrpipe.stages.metrics import MetricsModel
+from ibrpipe.stages.report import words
+from ibrpipe.stages.report.pictures import GAIN, ViewPictures, heat_colors
+from ibrpipe.stages.report.plot import speed_error_plot
+from ibrpipe.stages.report.sources import ReportSources
+
+NAMES = {
+    "diffuse": "diffuse only",
+    "ulr": "lumigraph of the photos",
+    "mesh": "mesh, median colours",
+}
+PARTS = {
+    "layers": "layered depth images",
+    "residuals": "residuals",
+    "asset_other": "other files of the asset",
+    "asset": "asset, all",
+    "photos": "training photos",
+    "masks": "their masks",
+    "mesh": "mesh",
+}
+
+
+def write_report(path: Path, metrics: MetricsModel, pictures: Sequence[ViewPictures], sources: ReportSources) -> None:
+    """Write ``report.html``: one file without scripts that loads nothing from anywhere."""
+    path.write_text(render_page(metrics, pictures, sources), encoding="utf-8")
+
+
+def render_page(metrics: MetricsModel, pictures: Sequence[ViewPictures], sources: ReportSources) -> str:
+    """Return the page as HTML text."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters.update(number=words.number, size=words.size, plain=words.plain)
+    template = environment.from_string(
+        resources.files("ibrpipe.stages.report").joinpath("template.html").read_text(encoding="utf-8")
+    )
+    return template.render(
+        metrics=metrics,
+        sources=sources,
+        pictures=pictures,
+        names=NAMES,
+        cards=words.cards(metrics),
+        verdict=words.verdict(metrics),
+        plot=Markup(speed_error_plot(metrics)),
+        rows=_rows(metrics),
+        parts=_bars({PARTS[name]: count for name, count in metrics.bytes.items() if name in PARTS and count}),
+        seconds=_bars(metrics.seconds),
+        total_seconds=sum(metrics.seconds.values()),
+        heat=_gradient(),
+        gain=GAIN,
+    )
+
+
+def _rows(metrics: MetricsModel) -> list[dict[str, Any]]:
+    """Return the rows of the table of scores, the best figure of each column marked."""
+    everyone = [("renderer", *item) for item in metrics.renderers.items()]
+    everyone += [("baseline", *item) for item in metrics.baselines.items()]
+    return [
+        {"kind": kind, "name": name, "label": NAMES.get(name, name), "cells": words.score_cells(scores)}
+        for kind, name, scores in everyone
+    ]
+
+
+def _bars(values: dict[str, Any]) -> list[tuple[str, Any, float]]:
+    """Return name, value and length in percent of the longest bar."""
+    longest = max(values.values(), default=0) or 1
+    return [(name, value, 100.0 * value / longest) for name, value in values.items()]
+
+
+def _gradient() -> str:
+    """Return the colours of the difference pictures as CSS stops."""
+    return ", ".join("#{:02x}{:02x}{:02x}".format(*color) for color in heat_colors()[::17])

@@ -1,0 +1,62 @@
+"""What the report tells besides the scores: the capture, the plan's reasons, the audit's findings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ibrpipe.io.views import ViewSet
+
+
+@dataclass(frozen=True)
+class ReportSources:
+    """Facts of the run.
+
+    Attributes
+    ----------
+    name : str
+        Name of the capture folder.
+    train, test : int
+        Number of photos used and held out.
+    size : (int, int)
+        Width and height of the first photo in pixels.
+    reasons : tuple of mapping
+        The plan's ``{what, choice, reason, measured}``.
+    findings : tuple of mapping
+        The audit's ``{severity, kind, file, value, expected, remedy}``.
+    surface : mapping
+        The audit's figures of how well the surface is seen.
+    """
+
+    name: str
+    train: int
+    test: int
+    size: tuple[int, int]
+    reasons: tuple[dict[str, Any], ...] = ()
+    findings: tuple[dict[str, Any], ...] = ()
+    surface: dict[str, Any] | None = None
+
+
+def read_sources(views: ViewSet, run: Path | None) -> ReportSources:
+    """Gather what is known; a run folder without plan or audit leaves these out."""
+    plan = _read(run, "plan/plan.json")
+    audit = _read(run, "ingest/audit.json")
+    first = (views.train + views.test)[0].camera
+    return ReportSources(
+        name=Path(str(views.info.get("capture", ""))).name or "capture",
+        train=len(views.train),
+        test=len(views.test),
+        size=(first.width, first.height),
+        reasons=tuple(plan.get("reasons", ())),
+        findings=tuple(audit.get("findings", ())),
+        surface=audit.get("surface") or None,
+    )
+
+
+def _read(run: Path | None, place: str) -> dict[str, Any]:
+    if run is None or not (run / place).is_file():
+        return {}
+    content = json.loads((run / place).read_text(encoding="utf-8"))
+    return content if isinstance(content, dict) else {}
