@@ -148,22 +148,40 @@ def bounding_box(mesh: Mesh) -> tuple[Array, Array, Array, str]:
 
     Axes are rows of a rotation matrix, ordered and signed so as to stay close to the world's.
     """
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    aligned = (low + high) / 2, np.eye(3), (high - low) / 2
+    axes = _tightest_axes(mesh.vertices - low)
+    if axes is None:  # a flat mesh has no hull
+        return *aligned, "the mesh is flat, so its box is axis-aligned"
+    along = (mesh.vertices - low) @ axes.T
+    half = np.ptp(along, axis=0) / 2
+    saved = 100 * (1 - float(np.prod(half) / np.prod(aligned[2])))
+    if saved < 10:
+        return *aligned, f"axis-aligned box: the best oriented one saves only {max(saved, 0.0):.0f} %"
+    center = (along.min(axis=0) + along.max(axis=0)) / 2 @ axes + low
+    return center, *_near_world(axes, half), f"oriented box: it is {saved:.0f} % smaller than the axis-aligned one"
+
+
+def _tightest_axes(points: Array) -> Array | None:
+    """Return the axes (rows) of about the smallest box around points (N, 3), or None where they lie in a plane.
+
+    Open3D's search takes minutes on round meshes and returns an empty box for some regular grids; it therefore sees
+    only the outermost points along 500 directions, and the caller measures the box along these axes itself.
+    """
     from ibrpipe.embree import import_open3d
 
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    aligned = float(np.prod(high - low))
+    number = np.arange(500)
+    z, angle = (2 * number + 1) / 500 - 1, number * np.pi * (3 - np.sqrt(5))
+    across = np.sqrt(1 - z * z)
+    directions = np.stack([across * np.cos(angle), across * np.sin(angle), z])
+    outermost = np.unique([int((points @ d).argmax()) for d in directions.T])
     o3d = import_open3d()
-    cloud = o3d.utility.Vector3dVector(mesh.vertices - low)
+    cloud = o3d.utility.Vector3dVector(points[outermost])
     try:
         box = o3d.geometry.OrientedBoundingBox.create_from_points_minimal(cloud, robust=True)
-    except RuntimeError:  # a flat mesh has no hull
-        return (low + high) / 2, np.eye(3), (high - low) / 2, "the mesh is flat, so its box is axis-aligned"
-    if float(np.prod(box.extent)) > 0.9 * aligned:
-        why = f"axis-aligned box: the best oriented one saves only {100 * (1 - np.prod(box.extent) / aligned):.0f} %"
-        return (low + high) / 2, np.eye(3), (high - low) / 2, why
-    axes, half = _near_world(np.array(box.R).T, np.array(box.extent) / 2)
-    why = f"oriented box: it is {100 * (1 - np.prod(box.extent) / aligned):.0f} % smaller than the axis-aligned one"
-    return np.array(box.center) + low, axes, half, why
+    except RuntimeError:
+        return None
+    return np.array(box.R).T
 
 
 def _near_world(axes: Array, half: Array) -> tuple[Array, Array]:
