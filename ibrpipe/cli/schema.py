@@ -18,11 +18,14 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 def models() -> dict[str, type[BaseModel]]:
     """Return every model of a file on disk, by the name of its schema."""
     from ibrpipe.io.manifest import Manifest
+    from ibrpipe.stages.documents import DOCUMENTS
     from ibrpipe.stages.metrics import MetricsModel
     from ibrpipe.stages.pipeline import pipeline_model
     from ibrpipe.stages.registry import load_stages
 
-    return {"manifest": Manifest, "metrics": MetricsModel, "pipeline": pipeline_model(load_stages())}
+    found: dict[str, type[BaseModel]] = {name: model for name, (model, _) in DOCUMENTS.items()}
+    found |= {"manifest": Manifest, "metrics": MetricsModel, "pipeline": pipeline_model(load_stages())}
+    return dict(sorted(found.items()))
 
 
 def schema_text(name: str, model: type[BaseModel]) -> str:

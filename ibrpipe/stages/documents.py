@@ -1,0 +1,174 @@
+"""What the JSON files of a run hold, as models: the source of their schemas and a check on those who write them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Matrix33 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
+Matrix34 = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=3, max_length=3)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class _Document(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class View(_Document):
+    """One photo and the pinhole camera that it is seen through."""
+
+    name: str = Field(description="Unique among the train or among the test views, fit for a file name")
+    image: str = Field(description="Photo file, relative to the document's root, or absolute")
+    mask: str | None = Field(description="Mask file; null = none")
+    mask_from_alpha: bool = Field(description="The photo's own alpha is the mask")
+    mask_rule: Literal["coverage", "nonzero"] = Field(description="Values are coverage, or all but 0 count fully")
+    gain: float = Field(gt=0, description="Linear factor that undoes the photo's exposure")
+    color_space: str | None = Field(description="Colour space of the photo; null = as the file declares")
+    oriented: bool = Field(description="The file's orientation tag is obeyed")
+    full_size: tuple[int, int] | None = Field(
+        description="Width and height of the undistorted picture before shrinking; null = not shrunk"
+    )
+    depth: str | None = Field(description="True depth along camera z (test views), scene units; null = none")
+    held_out: bool = Field(description="For measuring only")
+    width: int = Field(ge=1, description="Pixels")
+    height: int = Field(ge=1, description="Pixels")
+    K: Matrix33 = Field(description="Calibration, pixels; pixel (0, 0)'s centre is at (0.5, 0.5)")
+    cam_from_world: Matrix34 = Field(description="Pose [R t], world to camera, OpenCV axes, scene units")
+    distortion: tuple[str, list[float], int, int] | None = Field(
+        description="COLMAP camera model, its parameters, width and height of the photo file; null = pinhole"
+    )
+
+
+class Views(_Document):
+    """``ingest/views.json``."""
+
+    schema_version: Literal[1] = Field(alias="schema", description="Version of this layout")
+    root: str = Field(description="Folder that relative photo paths start from; empty = the document's own")
+    mesh: str | None = Field(description="Mesh file, relative to this document")
+    info: dict[str, Any] = Field(description="Capture folder, exposure source, notes")
+    train: list[View] = Field(description="Photos that the asset is made from")
+    test: list[View] = Field(description="Photos that it is measured on")
+
+
+class Finding(_Document):
+    """One thing that the audit found."""
+
+    severity: Literal["error", "warning", "note"] = Field(description="Errors stop the pipeline")
+    kind: str = Field(description="Short fixed word, such as blurred")
+    file: str = Field(description="What it is about")
+    value: str = Field(description="What was met")
+    expected: str = Field(description="What would be right")
+    remedy: str = Field(description="What to do")
+
+
+class AuditedPhoto(_Document):
+    """What was measured in one photo."""
+
+    name: str = Field(description="Name of the view")
+    held_out: bool = Field(description="For measuring only")
+    sharpness: float = Field(description="Variance of the Laplacian over that of the coded luminance, in the mask")
+    clipped: float = Field(description="Share of the mask's pixels with a channel at its top")
+    black: float = Field(description="Share of the mask's pixels with all channels at the bottom")
+    covered: Share = Field(description="Share of the picture that the mask keeps")
+    seen: Share = Field(description="Share of the surface's area that the photo sees")
+    overlap: Share | None = Field(
+        description="Mask against the mesh's outline, intersection over union; null = no mask"
+    )
+
+
+class AuditedSurface(_Document):
+    """How well the photos see the surface."""
+
+    unseen: Share = Field(description="Share of the area that no photo sees")
+    fewer_than_3: Share = Field(description="Share of the area that fewer than three photos see")
+    median_photos: int = Field(description="Photos that see a point, median over the area")
+    share_by_photos: dict[str, float] = Field(description="Share of the area by number of photos; 10+ = ten or more")
+    samples: int = Field(description="Points that were tried")
+
+
+class Audit(_Document):
+    """``ingest/audit.json``."""
+
+    findings: list[Finding] = Field(description="Worst first")
+    photos: list[AuditedPhoto] = Field(description="All photos that could be read")
+    surface: AuditedSurface = Field(description="Coverage of the surface")
+
+
+class PlannedTexture(_Document):
+    """A support rectangle and what is modelled on it."""
+
+    name: str = Field(description="Name of the texture")
+    projection: Literal["parallel", "perspective"] = Field(description="How rays leave the rectangle")
+    origin: Vector = Field(description="World position of the corner where u = v = 0")
+    u: Vector = Field(description="Whole edge along the columns, world")
+    v: Vector = Field(description="Whole edge along the rows, world; u x v points into the scene")
+    center: Vector | None = Field(description="Centre of a perspective projection, world; null = parallel")
+    width: int = Field(ge=1, description="Texels along u")
+    height: int = Field(ge=1, description="Texels along v")
+    max_angle_deg: float = Field(description="Surfaces tilted further go to a texture that faces them better, degrees")
+    max_layers: int = Field(ge=1, description="Layers at the most")
+    residuals: bool = Field(description="Whether view dependence is modelled")
+    k: float = Field(description="Spiral density: turns are 2 pi k apart")
+    residual_scale: float = Field(description="Texels of a residual image per texel of the layers, along each edge")
+
+
+class Reason(_Document):
+    """A choice and why it was made."""
+
+    what: str = Field(description="What was chosen")
+    choice: Any = Field(description="The choice")
+    reason: str = Field(description="Why, in words")
+    measured: dict[str, Any] = Field(description="The figures behind it")
+
+
+class Plan(_Document):
+    """``plan/plan.json``."""
+
+    schema_version: Literal[1] = Field(alias="schema", description="Version of this layout")
+    textures: list[PlannedTexture] = Field(description="What is to be modelled")
+    reasons: list[Reason] = Field(description="One for each choice")
+
+
+class RenderedFrame(_Document):
+    """One picture of one renderer."""
+
+    view: str = Field(description="Name of the view along the path")
+    renderer: str = Field(description="Name of the renderer")
+    file: str = Field(description="OpenEXR file: linear R G B, A, Z = depth along camera z, as far as asked for")
+    png: str | None = Field(None, description="8-bit sRGB picture; absent without colour")
+    ms: float = Field(ge=0, description="Milliseconds of the frame, median over the repeats")
+    width: int = Field(ge=1, description="Pixels")
+    height: int = Field(ge=1, description="Pixels")
+    K: Matrix33 = Field(description="Calibration, pixels")
+    cam_from_world: Matrix34 = Field(description="Pose [R t], world to camera, OpenCV axes, scene units")
+    stats: dict[str, Any] = Field(description="Figures that the renderer tells")
+
+
+class Frames(_Document):
+    """``render/frames.json``."""
+
+    path: str = Field(description="Camera path as the settings name it")
+    renderers: list[str] = Field(description="Names, in the order asked for")
+    videos: dict[str, str] = Field(description="Renderer to MP4 file")
+    frames: list[RenderedFrame] = Field(description="All frames, renderer by renderer")
+
+
+class Run(_Document):
+    """``run.json``: what the last ``ibrpipe run`` in this folder was asked for."""
+
+    pipeline: str = Field(description="Name of the pipeline")
+    seed: int = Field(ge=0, description="The one seed")
+    capture: str | None = Field(description="Capture folder, absolute")
+    settings: dict[str, dict[str, Any]] = Field(description="Stage to all its settings, defaults included")
+
+
+#: name of the schema -> model, and the place of the file in a run folder
+DOCUMENTS: dict[str, tuple[type[BaseModel], str]] = {
+    "audit": (Audit, "ingest/audit.json"),
+    "frames": (Frames, "render/frames.json"),
+    "plan": (Plan, "plan/plan.json"),
+    "run": (Run, "run.json"),
+    "views": (Views, "ingest/views.json"),
+}
