@@ -1,0 +1,5 @@
+"""``python -m ibrpipe``."""
+
+from ibrpipe.cli.main import main
+
+main()
