@@ -62,8 +62,7 @@ def write_layers(layers: LayeredDepthImage, path: Path) -> None:
     deep.init(height * width, len(CHANNELS), spec.channelformats, spec.channelnames)
     _fill(deep, layers)
     output = oiio.ImageOutput.create(str(path))
-    done = output is not None and output.open(str(path), spec) and output.write_deep_image(deep)
-    if not (done and output.close()):
+    if output is None or not (output.open(str(path), spec) and output.write_deep_image(deep) and output.close()):
         raise ResourceError(f"{path}: cannot write: {output.geterror() if output else oiio.geterror()}")
 
 

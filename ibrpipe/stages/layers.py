@@ -104,6 +104,7 @@ def build_layers(
     color, _, observers = photos.diffuse(points, normals, config.bins, STATISTICS[config.statistic])
     color[observers == 0] = 0.0
     depth = quantize(depth, config.depth_bits)
+    normals = np.round(normals * 127) / np.float32(127)
     if config.color_bits == 8:
         color = round_to_display(color)
     height, width = plan.rectangle.height, plan.rectangle.width
@@ -120,12 +121,15 @@ def first_of_each(ray: Array, count: int) -> Array:
 
 
 def quantize(depth: Array, bits: int) -> Array:
-    """Round depths (N,) to 2^bits levels over their range; order is kept. gong-yang uses 8 bits."""
+    """Round depths (N,) to at least 2^bits levels over their range; order is kept. gong-yang uses 8 bits.
+
+    The step is a power of two, so that rounded values end in zero bits and compress well.
+    """
     if bits == 32 or len(depth) == 0:
         return depth.astype(np.float32)
-    low, high = float(depth.min()), float(depth.max())
-    step = (high - low) / (2**bits - 1) or 1.0
-    return (low + np.round((depth.astype(np.float64) - low) / step) * step).astype(np.float32)
+    reach = float(np.ptp(depth)) or abs(float(depth[0])) or 1.0
+    step = 2.0 ** np.floor(np.log2(reach / (2**bits - 1)))
+    return (np.round(depth.astype(np.float64) / step) * step).astype(np.float32)
 
 
 def round_to_display(color: Array) -> Array:
@@ -184,5 +188,6 @@ STAGE = Stage(
     config=LayersConfig,
     run=run,
     needs=("ingest", "plan"),
-    example="ibrpipe layers --views out/ingest/views.json --mesh out/ingest/mesh.ply --plan out/plan/plan.json --out out",
+    example="ibrpipe layers --views out/ingest/views.json --mesh out/ingest/mesh.ply --plan out/plan/plan.json "
+    "--out out",
 )

@@ -130,8 +130,8 @@ class Rectangle:
     def from_json(cls, data: dict[str, Any]) -> Rectangle:
         """Read what `as_json` wrote."""
         center = None if data["center"] is None else np.array(data["center"])
-        vectors = (np.array(data[key], float) for key in ("origin", "u", "v"))
-        return cls(data["name"], *vectors, data["width"], data["height"], center)
+        origin, u, v = (np.array(data[key], float) for key in ("origin", "u", "v"))
+        return cls(data["name"], origin, u, v, data["width"], data["height"], center)
 
 
 def sized(config: RectangleConfig, texel: float) -> Rectangle:

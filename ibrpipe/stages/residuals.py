@@ -41,6 +41,12 @@ class ResidualsConfig(StageConfig):
     zero: int | Literal["auto"] = Field(
         "auto", description="Code of a residual of nothing (the paper takes 32); auto: from the residuals' own range"
     )
+    quality: int = Field(
+        90,
+        ge=1,
+        le=100,
+        description="WebP quality of 8-bit residual images; 100 = lossless, about three times the bytes",
+    )
     closed: bool = Field(True, description="Add the turn along the horizon that the published spiral leaves open")
 
 
@@ -185,7 +191,7 @@ def run(inputs: Inputs, config: ResidualsConfig) -> Outputs:
         residuals, figure = build_residuals(plans[which], caster, photos, diffuse, config)
         folder = inputs.out / f"texture_{which:02d}"
         folder.mkdir(parents=True, exist_ok=True)
-        path = write_residuals(residuals, folder)
+        path = write_residuals(residuals, folder, config.quality)
         figures.append({**figure, "texture": which, "bytes": path.stat().st_size})
         files.append(path)
     summary = inputs.out / "residuals.json"

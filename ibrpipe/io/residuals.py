@@ -1,0 +1,179 @@
+"""Residual images of one texture in one zip: a picture per spiral direction at its own size, and `residuals.json`.
+
+8-bit residuals are WebP pictures (lossless, or lossy at a stated quality) whose alpha says where a texel is valid;
+linear residuals are half-float NumPy arrays. Any zip tool and picture viewer opens them. Texels that are not valid
+carry smoothly continued colours, so that they cost few bytes and lossy coding does not ring at silhouettes.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.errors import FormatError, MissingFileError, ResourceError
+from ibrpipe.io.layers import frame_as_json, frame_from_json
+from ibrpipe.types import Array, ParallelFrame, SpiralResiduals
+
+NAME = "residuals.zip"
+SCHEMA = 1
+_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+def write_residuals(residuals: SpiralResiduals, folder: Path, quality: int = 100) -> Path:
+    """Write `residuals.zip` into `folder`.
+
+    Parameters
+    ----------
+    quality : int
+        WebP quality of 8-bit residuals, 1 to 100; 100 is lossless.
+
+    Raises
+    ------
+    ResourceError
+        The file cannot be written.
+    """
+    path = folder / NAME
+    header = {
+        "schema": SCHEMA,
+        "rectangle": frame_as_json(residuals.rectangle),
+        "k": residuals.k,
+        "closed": residuals.closed,
+        "zero": residuals.zero,
+        "encoding": "8bit" if residuals.texels.dtype == np.uint8 else "half",
+        "alphas": residuals.alphas.tolist(),
+        "directions": residuals.directions.tolist(),
+        "sizes": residuals.sizes.tolist(),
+    }
+    try:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+            _add(archive, "residuals.json", json.dumps(header).encode(), zipfile.ZIP_DEFLATED)
+            for index in range(len(residuals.sizes)):
+                texels, valid = image_of(residuals, index)
+                if texels.dtype == np.uint8:
+                    _add(archive, f"{index:03d}.webp", _webp(texels, valid, quality))
+                else:
+                    _add(archive, f"{index:03d}.npy", _npy(texels, valid), zipfile.ZIP_DEFLATED)
+    except OSError as error:
+        raise ResourceError(f"{path}: cannot write: {error.strerror or error}") from error
+    return path
+
+
+def image_of(residuals: SpiralResiduals, index: int) -> tuple[Array, Array]:
+    """Texels (H, W, 3) and validity (H, W) of one direction."""
+    height, width = (int(size) for size in residuals.sizes[index])
+    own = slice(residuals.starts[index], residuals.starts[index + 1])
+    return residuals.texels[own].reshape(height, width, 3), residuals.valid[own].reshape(height, width)
+
+
+def _add(archive: zipfile.ZipFile, name: str, data: bytes, kind: int = zipfile.ZIP_STORED) -> None:
+    archive.writestr(zipfile.ZipInfo(name, _DATE), data, kind)
+
+
+def _webp(texels: Array, valid: Array, quality: int) -> bytes:
+    import cv2
+
+    picture = np.dstack([continue_smoothly(texels, valid)[:, :, ::-1], valid.astype(np.uint8) * 255])
+    done, data = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, 101 if quality == 100 else quality])
+    if not done:
+        raise ResourceError("OpenCV cannot write WebP pictures; reinstall opencv-contrib-python-headless")
+    return bytes(data)
+
+
+def _npy(texels: Array, valid: Array) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, np.dstack([texels, valid]).astype(np.float16))
+    return buffer.getvalue()
+
+
+def continue_smoothly(texels: Array, valid: Array) -> Array:
+    """Fill texels (H, W, 3) uint8 that are not valid by averages of coarser and coarser blocks of valid ones."""
+    import cv2
+
+    if valid.all() or not valid.any():
+        return texels
+    weight = valid.astype(np.float32)
+    levels = [(texels * weight[:, :, None], weight)]
+    while max(levels[-1][1].shape) > 1:
+        levels.append((_halved(levels[-1][0]), _halved(levels[-1][1])))
+    filled = levels[-1][0] / np.maximum(levels[-1][1], 1e-6)[:, :, None]
+    for total, share in levels[-2::-1]:
+        wide = cv2.resize(filled, share.shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(*share.shape, 3)
+        known = (share > 0)[:, :, None]
+        filled = np.where(known, total / np.maximum(share, 1e-6)[:, :, None], wide)
+    rounded = np.clip(np.round(filled), 0, 255).astype(np.uint8)
+    return np.where(valid[:, :, None], texels, rounded)
+
+
+def _halved(values: Array) -> Array:
+    height, width = values.shape[:2]
+    rest = [(0, height % 2), (0, width % 2)] + [(0, 0)] * (values.ndim - 2)
+    even = np.pad(values, rest)
+    return even[0::2, 0::2] + even[1::2, 0::2] + even[0::2, 1::2] + even[1::2, 1::2]
+
+
+def read_residuals(path: Path) -> SpiralResiduals:
+    """Read `residuals.zip`.
+
+    Raises
+    ------
+    MissingFileError
+        There is no such file.
+    FormatError
+        It is damaged, or of another schema version.
+    """
+    if not path.is_file():
+        raise MissingFileError(f"{path}: no such file; it should hold a texture's residuals")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            header = json.loads(archive.read("residuals.json"))
+            if header["schema"] != SCHEMA:
+                raise FormatError(f"{path}: residuals of schema {header['schema']}, this version reads {SCHEMA}")
+            images = [_decode(archive, index, header) for index in range(len(header["sizes"]))]
+    except (zipfile.BadZipFile, KeyError, ValueError, OSError) as error:
+        if isinstance(error, FormatError):
+            raise
+        raise FormatError(f"{path}: damaged ({error}); copy the asset again") from error
+    return _assemble(header, images)
+
+
+def _decode(archive: zipfile.ZipFile, index: int, header: dict[str, Any]) -> Array:
+    import cv2
+
+    if header["encoding"] == "half":
+        image = np.load(io.BytesIO(archive.read(f"{index:03d}.npy"))).astype(np.float32)
+    else:
+        data = np.frombuffer(archive.read(f"{index:03d}.webp"), np.uint8)
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+        if image is None:
+            raise ValueError(f"picture {index} is damaged")
+        if image.shape[2] == 3:  # WebP drops an alpha that is full everywhere
+            image = np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
+        image = image[:, :, [2, 1, 0, 3]]
+    if list(image.shape[:2]) != header["sizes"][index]:
+        raise ValueError(f"picture {index} is {image.shape[1]} x {image.shape[0]}, header says otherwise")
+    return image
+
+
+def _assemble(header: dict[str, Any], images: list[Array]) -> SpiralResiduals:
+    flat = np.concatenate([image.reshape(-1, 4) for image in images])
+    sizes = np.array(header["sizes"], np.int32)
+    frame = frame_from_json(header["rectangle"])
+    if not isinstance(frame, ParallelFrame):
+        raise FormatError("the rectangle of residuals must be parallel")
+    return SpiralResiduals(
+        frame,
+        header["k"],
+        np.array(header["alphas"]),
+        np.array(header["directions"]),
+        sizes,
+        np.concatenate([[0], np.cumsum(sizes.astype(np.int64).prod(axis=1))]),
+        np.ascontiguousarray(flat[:, :3]),
+        flat[:, 3] > 0,
+        header["zero"],
+        header["closed"],
+    )
