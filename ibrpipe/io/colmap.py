@@ -1,38 +1,47 @@
-"""COLMAP models, text or binary, old or with rigs and frames, as lenses and poses."""
+"""COLMAP models, text or binary, old or with rigs and frames, as lenses and poses.
+
+Only cameras and images are read. Newer models add rigs and frames, but their images still state the pose of every photo
+of its own, so the same two files serve. pycolmap's reader is not used: a truncated file makes it abort the process, or
+come back with invented numbers.
+"""
 
 from __future__ import annotations
 
 import math
+import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ibrpipe.errors import CaptureError, FormatError
-from ibrpipe.io.lenses import Lens
-from ibrpipe.io.pycolmap_import import import_pycolmap
+from ibrpipe.errors import CaptureError, FormatError, IbrError
+from ibrpipe.io.lenses import Lens, model_by_id
 from ibrpipe.io.shots import Shot
+from ibrpipe.types import Array
 
 #: Where a model may be inside a capture folder, best first
 FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0")
+_IMAGE_LINE = "ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
+_POINT_BYTES = 24
 
 
 def find_model(capture: Path) -> Path | None:
     """Folder of the COLMAP model inside a capture folder, or None."""
     for name in FOLDERS:
         folder = capture / name
-        if any((folder / f"images{suffix}").is_file() for suffix in (".bin", ".txt")):
+        if any((folder / f"{stem}{suffix}").is_file() for stem in ("images", "cameras") for suffix in (".bin", ".txt")):
             return folder
     return None
 
 
 def read_model(folder: Path, images: Path) -> tuple[Shot, ...]:
-    """Read all posed images of a COLMAP model.
+    """Read all images of a COLMAP model.
 
     Parameters
     ----------
     folder : Path
-        Holds cameras, images, points3D (and rigs, frames in newer models) as .bin or .txt.
+        Holds cameras and images as .bin or .txt; the binary ones are taken where both exist.
     images : Path
         Folder that the image names are relative to.
 
@@ -44,100 +53,133 @@ def read_model(folder: Path, images: Path) -> tuple[Shot, ...]:
     Raises
     ------
     FormatError, CaptureError
-        Files missing or damaged, an unknown camera model, a pose that is none, no posed image.
+        Files missing or damaged, an unknown camera model, a pose that is none, no image; with file and line.
     """
     suffix = ".bin" if (folder / "images.bin").is_file() else ".txt"
-    for stem in ("cameras", "images", "points3D"):
+    for stem in ("cameras", "images"):
         if not (folder / f"{stem}{suffix}").is_file():
-            raise FormatError(
-                f"{folder}: {stem}{suffix} is missing; copy the whole COLMAP model (points3D may be empty)"
-            )
-    if suffix == ".txt":
-        _check_cameras_text(folder / "cameras.txt")
-        _check_images_text(folder / "images.txt")
-    model = _read(folder)
-    lenses = {key: _lens(camera, folder) for key, camera in model.cameras.items()}
-    shots = [_shot(model.images[key], lenses, images, folder) for key in sorted(model.reg_image_ids())]
+            raise FormatError(f"{folder}: {stem}{suffix} is missing; copy the whole COLMAP model")
+    text = suffix == ".txt"
+    lenses = dict((_cameras_text if text else _cameras_binary)(folder / f"cameras{suffix}"))
+    source = folder / f"images{suffix}"
+    shots = []
+    for where, name, camera, numbers in (_images_text if text else _images_binary)(source):
+        if camera not in lenses:
+            raise FormatError(f"{where}: photo {name} names camera {camera}, which cameras{suffix} does not hold")
+        shots.append(Shot(name, images / name, lenses[camera], _pose(numbers, f"{where}: the pose of {name}")))
     if not shots:
-        raise CaptureError(f"{folder}: the COLMAP model has no image with a pose; calibrate the photos first")
+        raise CaptureError(f"{source}: the COLMAP model has no image with a pose; calibrate the photos first")
     return tuple(sorted(shots, key=lambda shot: shot.file))
 
 
-def _read(folder: Path) -> Any:
-    pycolmap = import_pycolmap()
+def _pose(numbers: tuple[float, ...], what: str) -> Array:
+    """(3, 4) float64 from quaternion w x y z and translation."""
+    if not all(map(math.isfinite, numbers)):
+        raise CaptureError(f"{what} holds NaN or infinity; calibrate this photo again or remove it")
+    length = math.hypot(*numbers[:4])
+    if not length > 1e-9:
+        raise CaptureError(f"{what} has the quaternion 0 0 0 0; expected a unit quaternion, remove the photo")
+    w, x, y, z = (value / length for value in numbers[:4])
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), numbers[4]],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), numbers[5]],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), numbers[6]],
+        ]
+    )
+
+
+def _lens(where: str, model: str, params: tuple[float, ...], width: int, height: int) -> Lens:
     try:
-        return pycolmap.Reconstruction(str(folder))
-    except (ValueError, IndexError, KeyError, RuntimeError, OSError, MemoryError) as error:
-        reason = " ".join(str(error).split())[:160]
-        raise FormatError(f"{folder}: the COLMAP model is damaged ({reason}); export it again") from error
+        return Lens(model, params, width, height)
+    except IbrError as error:
+        raise CaptureError(f"{where}: {error}") from error
 
 
-def _lens(camera: Any, folder: Path) -> Lens:
-    try:
-        return Lens(camera.model_name, tuple(map(float, camera.params)), int(camera.width), int(camera.height))
-    except CaptureError as error:
-        raise CaptureError(f"{folder}: camera {camera.camera_id}: {error}") from error
-
-
-def _shot(image: Any, lenses: dict[int, Lens], images: Path, folder: Path) -> Shot:
-    if image.camera_id not in lenses:
-        raise FormatError(f"{folder}: image {image.name} names camera {image.camera_id}, which the model does not hold")
-    pose = np.asarray(image.cam_from_world().matrix(), np.float64)
-    if not np.isfinite(pose).all() or not np.any(pose[:, :3]):
-        raise CaptureError(
-            f"{folder}: the pose of image {image.name} holds NaN or infinity; remove it or calibrate again"
-        )
-    return Shot(image.name, images / image.name, lenses[image.camera_id], pose)
-
-
-def _rows(path: Path) -> list[tuple[int, str]]:
+def _lines(path: Path) -> list[tuple[str, str]]:
+    """Lines that are no comments, each with the words that say where it is."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError as error:
         raise FormatError(f"{path}: is not UTF-8 text; export the model again") from error
-    return [(number, line.strip()) for number, line in enumerate(lines, 1) if not line.startswith("#")]
+    return [(f"{path}, line {n}", line.strip()) for n, line in enumerate(lines, 1) if not line.startswith("#")]
 
 
-def _check_cameras_text(path: Path) -> None:
-    """Say in which line of cameras.txt what is wrong: pycolmap does not."""
-    for number, line in _rows(path):
+def _cameras_text(path: Path) -> Iterator[tuple[int, Lens]]:
+    for where, line in _lines(path):
         words = line.split()
         if not words:
             continue
         try:
-            lens = [float(word) for word in words[4:]]
-            Lens(words[1], tuple(lens), int(words[2]), int(words[3]))
+            key, width, height = int(words[0]), int(words[2]), int(words[3])
+            params = tuple(float(word) for word in words[4:])
         except (ValueError, IndexError) as error:
-            if isinstance(error, CaptureError):
-                raise CaptureError(f"{path}, line {number}: {error}") from error
-            raise FormatError(f"{path}, line {number}: expected ID MODEL WIDTH HEIGHT PARAMS, got {line!r}") from error
+            raise FormatError(f"{where}: expected ID MODEL WIDTH HEIGHT PARAMS, got {line[:80]!r}") from error
+        yield key, _lens(where, words[1], params, width, height)
 
 
-def _check_images_text(path: Path) -> None:
-    """Say in which line of images.txt what is wrong: every other line is an image, the rest are its points."""
-    for number, line in _image_rows(path):
+def _images_text(path: Path) -> Iterator[tuple[str, str, int, tuple[float, ...]]]:
+    """Every image takes two lines: itself, then its points (may be empty)."""
+    lines = iter(_lines(path))
+    for where, line in lines:
+        if not line:
+            continue
         words = line.split(maxsplit=9)
         try:
-            values = [float(word) for word in words[1:8]]
-            int(words[0]), int(words[8]), words[9]
+            name, camera = words[9], int(words[8])
+            numbers = tuple(float(word) for word in words[1:8])
         except (ValueError, IndexError) as error:
+            raise FormatError(f"{where}: expected {_IMAGE_LINE}, got {line[:80]!r}") from error
+        yield where, name, camera, numbers
+        next(lines, None)
+
+
+class _Cursor:
+    """Reads numbers one after the other and says where a file ends too early."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.data, self.at = path, path.read_bytes(), 0
+
+    def take(self, layout: str) -> tuple[Any, ...]:
+        start = self.skip(struct.calcsize(f"<{layout}"))
+        return struct.unpack_from(f"<{layout}", self.data, start)
+
+    def skip(self, size: int) -> int:
+        start, self.at = self.at, self.at + size
+        if self.at > len(self.data):
             raise FormatError(
-                f"{path}, line {number}: expected ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, got {line[:80]!r}"
-            ) from error
-        if not all(map(math.isfinite, values)):
-            raise CaptureError(f"{path}, line {number}: the pose of {words[9]} holds NaN or infinity; calibrate again")
-        if not math.hypot(*values[:4]) > 1e-9:
-            raise CaptureError(
-                f"{path}, line {number}: the quaternion of {words[9]} is zero; expected a unit quaternion"
+                f"{self.path}: the COLMAP model is truncated (it has {len(self.data)} bytes, at least {self.at} are "
+                "expected); copy it again"
             )
+        return start
+
+    def word(self) -> str:
+        end = self.data.find(b"\0", self.at)
+        start = self.skip((end if end >= 0 else len(self.data)) - self.at + 1)
+        try:
+            return self.data[start:end].decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise FormatError(
+                f"{self.path}: the COLMAP model is damaged (a name is not UTF-8); export it again"
+            ) from error
 
 
-def _image_rows(path: Path) -> list[tuple[int, str]]:
-    """Lines that describe images: after each follows one line of points, which may be empty."""
-    rows, found, index = _rows(path), [], 0
-    while index < len(rows):
-        if rows[index][1]:
-            found.append(rows[index])
-            index += 1
-        index += 1
-    return found
+def _cameras_binary(path: Path) -> Iterator[tuple[int, Lens]]:
+    cursor = _Cursor(path)
+    for _ in range(cursor.take("Q")[0]):
+        key, model, width, height = cursor.take("IiQQ")
+        where = f"{path}, camera {key}"
+        try:
+            name, count = model_by_id(model)
+        except CaptureError as error:
+            raise CaptureError(f"{where}: {error}") from error
+        yield key, _lens(where, name, cursor.take(f"{count}d"), width, height)
+
+
+def _images_binary(path: Path) -> Iterator[tuple[str, str, int, tuple[float, ...]]]:
+    cursor = _Cursor(path)
+    for _ in range(cursor.take("Q")[0]):
+        key, *numbers, camera = cursor.take("I7dI")
+        name = cursor.word()
+        cursor.skip(cursor.take("Q")[0] * _POINT_BYTES)
+        yield f"{path}, image {key}", name, camera, tuple(numbers)

@@ -23,6 +23,8 @@ Keep = Literal["all", "inside"]
 WIDEST = math.sqrt(3.0)
 #: ... and is at most this many times as wide or high as the photo
 LARGEST = 2.0
+#: Larger sizes are taken as damage
+WIDEST_PHOTO = 200_000
 _PINHOLES = ("SIMPLE_PINHOLE", "PINHOLE")
 _EDGE_SAMPLES = 257
 
@@ -52,8 +54,9 @@ class Lens:
     height: int
 
     def __post_init__(self) -> None:
-        if self.width < 1 or self.height < 1:
-            raise CaptureError(f"camera size is {self.width} x {self.height}; both must be at least 1 pixel")
+        if not (1 <= self.width <= WIDEST_PHOTO and 1 <= self.height <= WIDEST_PHOTO):
+            size = f"{self.width} x {self.height}"
+            raise CaptureError(f"camera size is {size}; both must be at least 1 pixel and at most {WIDEST_PHOTO}")
         if not all(math.isfinite(value) for value in self.params):
             raise CaptureError(f"camera parameters {list(self.params)} hold NaN or infinity; calibrate again")
         focal = _focal_lengths(self)
@@ -78,6 +81,24 @@ def known_models() -> tuple[str, ...]:
     """Names of all camera models that can be turned into a pinhole camera."""
     names = import_pycolmap().CameraModelId.__members__
     return tuple(name for name in names if name not in ("INVALID", "EQUIRECTANGULAR"))
+
+
+def model_by_id(number: int) -> tuple[str, int]:
+    """Name and number of parameters of the camera model that COLMAP's binary files call `number`.
+
+    Raises
+    ------
+    CaptureError
+        There is no such model, or it cannot be turned into a pinhole camera.
+    """
+    pycolmap = import_pycolmap()
+    for name in known_models():
+        if int(getattr(pycolmap.CameraModelId, name)) == number:
+            return name, len(pycolmap.Camera.create_from_model_name(1, name, 1.0, 1, 1).params)
+    raise CaptureError(
+        f"camera model number {number} is not known; expected one of {', '.join(known_models())}: "
+        "convert or undistort the photos first"
+    )
 
 
 def undistorted_calibration(lens: Lens, keep: Keep = "all") -> tuple[Array, int, int]:
