@@ -57,7 +57,7 @@ def _shade_mesh(camera: Camera, caster: MeshCaster, shade: Shade) -> Frame:
     points = camera.center + rays * hits.t[hit][:, None].astype(np.float64)
     toward = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
     shaded = shade(points, _facing(hits.normal[hit], toward), toward)
-    known: Array = np.isfinite(shaded).all(axis=1)
+    known = np.asarray(np.isfinite(shaded).all(axis=1))
     color, alpha = np.zeros((*hit.shape, 3), np.float32), np.zeros(hit.shape, np.float32)
     color[hit], alpha[hit] = np.where(known[:, None], shaded, 0.0), known
     return Frame(color, hits.t, alpha, {"unseen": int((~known).sum())})

@@ -13,7 +13,7 @@ from ibrpipe.renderers.api import Prepared
 from ibrpipe.stages.baselines import render_median, render_ulr
 from ibrpipe.stages.held_out import Frames
 from ibrpipe.stages.photos import PhotoSet
-from ibrpipe.stages.timing import Draw, Way, cast_alone
+from ibrpipe.stages.timing import Draw, Way
 from ibrpipe.types import Asset, Camera, Frame
 
 #: what a timed frame holds
@@ -58,8 +58,8 @@ def make_contest(asset: Asset, frames: Frames, caster: MeshCaster, photos: Photo
         ways={
             **{name: _way(name, ready) for name, ready in prepared.items()},
             "diffuse": _way(first, prepared[first], **plain),
-            "ulr": Way(lambda camera: lambda: render_ulr(camera, caster, photos), repeats=1),
-            "mesh": cast_alone(caster),
+            "ulr": lambda camera: lambda: render_ulr(camera, caster, photos),
+            "mesh": caster.prepared_cast,
         },
     )
 
@@ -77,4 +77,4 @@ def _way(name: str, prepared: Prepared, **options: Any) -> Way:
     def prepare(camera: Camera) -> Draw:
         return lambda: ibrpipe.render(prepared, camera, name, TIMED_OUTPUTS, **options)
 
-    return Way(prepare)
+    return prepare

@@ -46,6 +46,7 @@ class EvaluateConfig(StageConfig):
     timing_views: int = Field(
         default=4, ge=1, le=1000, description="Views that are timed, spread over the held-out ones"
     )
+    timing_seconds: float = Field(default=20.0, gt=0, description="Time for all timing; slow ways take fewer turns, s")
     report_views: int = Field(default=8, ge=0, le=1000, description="Views that the report shows in pictures")
     picture_width: int = Field(default=480, ge=32, le=4096, description="Widest picture in the report in pixels")
 
@@ -90,7 +91,7 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     contest = make_contest(ibrpipe.read_asset(inputs.asset), frames, caster, load_photos(views.train, caster))
     scored, pictures = _score_all(contest, tested, config)
     cameras = _spread([timed_size(view.camera, config.timing_width) for view in tested], config.timing_views)
-    speeds = _speeds(time_ways(contest.ways, cameras, config.timing_repeats), cameras)
+    speeds = _speeds(time_ways(contest.ways, cameras, config.timing_repeats, config.timing_seconds), cameras)
     renderers = {name: _mean([view.renderers[name] for view in scored], speeds[name]) for name in contest.renderers}
     metrics = MetricsModel(
         renderer=frames.renderers[0],

@@ -116,9 +116,15 @@ def coverage(alpha: Array, mask: Array) -> float | None:
 
 
 def highlight_pixels(truth: Array, diffuse: Array, mask: Array, threshold: int) -> Array:
-    """Return the mask pixels where some channel of truth and diffuse-only differ by `threshold` codes or more."""
+    """Return the mask pixels where some channel of truth and diffuse-only differ by `threshold` codes or more.
+
+    Only patches of at least 3 x 3 such pixels are kept (morphological opening): thin lines along edges and silhouettes
+    come from sampling, not from highlights.
+    """
+    from scipy.ndimage import binary_opening
+
     difference = np.abs(truth.astype(np.int16) - diffuse).max(axis=2)
-    return mask & (difference >= threshold)
+    return binary_opening(mask & (difference >= threshold), np.ones((3, 3), bool))
 
 
 def score_frame(truth: Truth, frame: Frame, highlights: Array | None = None) -> Scores:
