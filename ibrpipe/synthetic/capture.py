@@ -34,7 +34,7 @@ T = TypeVar("T")
 class SynthConfig(StageConfig):
     """Size and quality of a synthetic capture."""
 
-    photos: int = Field(default=40, ge=2, le=2000, description="Number of photos")
+    photos: int = Field(default=48, ge=2, le=2000, description="Number of photos")
     tests: int = Field(default=8, ge=0, le=500, description="Number of held-out views with truth")
     width: int = Field(default=320, ge=8, le=8192, description="Width of a photo in pixels")
     height: int = Field(default=240, ge=8, le=8192, description="Height of a photo in pixels")

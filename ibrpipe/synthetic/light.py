@@ -37,7 +37,7 @@ class SoftBox:
     ----------
     azimuth_deg, elevation_deg : where its middle is
     half_width, half_height : tangents of its half angles
-    softness : width of its blurred edge, same unit
+    softness : width of its blurred edge, same unit, at most the half angles
     radiance : linear Rec.709
     """
 
@@ -69,8 +69,8 @@ class SoftBox:
 
     @property
     def power(self) -> float:
-        """Solid angle over pi, to first order: what a surface facing the box receives per unit of radiance."""
-        return 4.0 * self.half_width * self.half_height / np.pi
+        """What a surface facing the box receives per unit of radiance: its area at unit distance, over pi."""
+        return 4.0 * (self.half_width - self.softness / 2.0) * (self.half_height - self.softness / 2.0) / np.pi
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,17 @@ from ibrpipe.types import Array
 
 #: windows and lamps of the glossy scenes
 STUDIO = Studio(
-    zenith=(0.26, 0.33, 0.46),
-    horizon=(0.44, 0.42, 0.39),
-    ground=(0.12, 0.105, 0.09),
+    zenith=(0.30, 0.38, 0.52),
+    horizon=(0.50, 0.48, 0.45),
+    ground=(0.14, 0.125, 0.11),
     boxes=(
-        SoftBox(40.0, 38.0, 0.26, 0.38, 0.10, (6.0, 5.8, 5.4)),
-        SoftBox(165.0, 20.0, 0.16, 0.50, 0.10, (3.6, 4.2, 5.2)),
-        SoftBox(285.0, 52.0, 0.46, 0.12, 0.08, (6.0, 5.0, 3.8)),
+        SoftBox(40.0, 38.0, 0.85, 0.95, 0.80, (1.9, 1.84, 1.7)),
+        SoftBox(165.0, 22.0, 0.70, 1.05, 0.70, (1.2, 1.4, 1.7)),
+        SoftBox(285.0, 50.0, 0.95, 0.65, 0.65, (1.9, 1.6, 1.2)),
     ),
     lamps=(
-        Lamp(100.0, 62.0, (14.0, 13.0, 11.0), (0.16, 0.15, 0.13)),
-        Lamp(230.0, 28.0, (16.0, 12.0, 8.0), (0.22, 0.17, 0.12)),
+        Lamp(100.0, 62.0, (3.2, 3.0, 2.6), (0.32, 0.30, 0.26)),
+        Lamp(230.0, 28.0, (3.6, 2.8, 2.0), (0.40, 0.32, 0.24)),
     ),
 )
 
@@ -45,14 +45,14 @@ def _cells(count: int, detail: float) -> int:
 def glossy(detail: float = 1.0) -> Scene:
     """Return a lobed glazed ball with a tilted enamelled ring around it: two to four depth layers from every side."""
     frame, center = tilt("x", 27.0) @ tilt("y", 14.0), (0.0, 0.0, 0.0)
-    body = ball(lobed_ball(1.0, 10, 0.035, 0.92), _cells(240, detail), _cells(120, detail))
+    body = ball(lobed_ball(1.0, 10, 0.02, 0.92), _cells(240, detail), _cells(120, detail))
     ring = tube(torus(1.36, 0.115, frame, center), _cells(240, detail), _cells(40, detail))
     return Scene(
         "glossy",
         "a glazed ball with a ring around it: reflections, fine paint, several depth layers",
         (
-            Part("ball", body, glazed_ball, Gloss(0.06, 500.0)),
-            Part("ring", ring, BandedRing(frame, center, 22), Gloss(0.08, 250.0)),
+            Part("ball", body, glazed_ball, Gloss(0.08, 40.0)),
+            Part("ring", ring, BandedRing(frame, center, 22), Gloss(0.08, 40.0)),
         ),
         STUDIO,
     )
@@ -88,7 +88,7 @@ def lambert(detail: float = 1.0) -> Scene:
 def plain_ball(detail: float = 1.0) -> Scene:
     """Return a glossy unit ball whose depth and colour are known in closed form."""
     shape = ball(lobed_ball(1.0, 1, 0.0, 1.0), _cells(360, detail), _cells(180, detail))
-    part = Part("ball", shape, glazed_ball, Gloss(0.06, 200.0))
+    part = Part("ball", shape, glazed_ball, Gloss(0.08, 40.0))
     return Scene("ball", "a glossy unit ball: depth and colour in closed form", (part,), STUDIO)
 
 

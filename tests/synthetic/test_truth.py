@@ -102,7 +102,8 @@ def plain_color(scene: Scene, point: np.ndarray, eye: np.ndarray) -> tuple[np.nd
     for box in studio.boxes:
         a, e = math.radians(box.azimuth_deg), math.radians(box.elevation_deg)
         cosine = n @ (math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e))
-        light = light + 4 * box.half_width * box.half_height / math.pi * max(cosine, 0) * np.array(box.radiance)
+        area = (2 * box.half_width - box.softness) * (2 * box.half_height - box.softness)
+        light = light + area / math.pi * max(cosine, 0) * np.array(box.radiance)
     for lamp in studio.lamps:
         a, e = math.radians(lamp.azimuth_deg), math.radians(lamp.elevation_deg)
         to_lamp = np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
@@ -182,6 +183,15 @@ def test_a_soft_box_has_its_size_and_place() -> None:
     np.testing.assert_array_equal(box.shape(probes) > 0, [True, True, False, True, False, False])
     assert right[2] == pytest.approx(0)
     assert up[2] > 0
+
+
+def test_a_soft_box_lights_what_faces_it_by_the_area_of_its_shape() -> None:
+    box = SoftBox(0.0, 0.0, 0.3, 0.2, 0.1, (1.0, 1.0, 1.0))
+    y, z = np.meshgrid(np.linspace(-0.5, 0.5, 401), np.linspace(-0.5, 0.5, 401))
+    area = box.shape(
+        np.stack([np.ones(y.size), y.ravel(), z.ravel()], axis=1)
+    ).mean()  # the grid spans one unit squared
+    assert box.power == pytest.approx(area / math.pi, rel=0.01)
 
 
 def test_a_lamp_is_brightest_where_it_is_mirrored() -> None:
