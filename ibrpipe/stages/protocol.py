@@ -35,8 +35,8 @@ def make_protocol(timed: Camera, repeats: int, views: int, highlight_threshold: 
             "Depth error: along camera z, in scene units, over mask pixels that both truth and render hit.",
             "Coverage: share of the mask's pixels that the render hits.",
             "Highlight pixels: mask pixels where the photo and the diffuse-only picture differ by "
-            f"{highlight_threshold} of 255 codes or more in some channel, in patches of at least 3 x 3. They are chosen by "
-            "the error of diffuse-only, which is bound to do badly there; read them beside the whole mask's figures.",
+            f"{highlight_threshold} of 255 codes or more in some channel, in patches of at least 3 x 3. They are "
+            "chosen by the error of diffuse-only, bound to do badly there; read them beside the whole mask's figures.",
             "diffuse: the same asset and renderer without residuals. ulr: unstructured lumigraph; at every pixel the "
             "mesh is cast and the best four training photos that see the point are blended, weights dot_i - dot_4. "
             "mesh: the mesh with, at every pixel, the median of all training photos that see the point; its time is "

@@ -40,7 +40,9 @@ def render_page(metrics: MetricsModel, pictures: Sequence[ViewPictures], sources
     from markupsafe import Markup
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters.update(number=words.number, size=words.size, plain=words.plain)
+    environment.filters.update(
+        number=words.number, size=words.size, plain=words.plain, surface_words=words.surface_words
+    )
     template = environment.from_string(
         resources.files("ibrpipe.stages.report").joinpath("template.html").read_text(encoding="utf-8")
     )

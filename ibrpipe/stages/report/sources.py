@@ -41,18 +41,26 @@ class ReportSources:
 
 def read_sources(views: ViewSet, run: Path | None) -> ReportSources:
     """Gather what is known; a run folder without plan or audit leaves these out."""
+    capture = str(views.info.get("capture", ""))
     plan = _read(run, "plan/plan.json")
     audit = _read(run, "ingest/audit.json")
     first = (views.train + views.test)[0].camera
     return ReportSources(
-        name=Path(str(views.info.get("capture", ""))).name or "capture",
+        name=Path(capture).name or "capture",
         train=len(views.train),
         test=len(views.test),
         size=(first.width, first.height),
         reasons=tuple(plan.get("reasons", ())),
-        findings=tuple(audit.get("findings", ())),
+        findings=tuple(_below(capture, finding) for finding in audit.get("findings", ())),
         surface=audit.get("surface") or None,
     )
+
+
+def _below(capture: str, finding: dict[str, Any]) -> dict[str, Any]:
+    """Return a finding with its files named from the capture folder on."""
+    if not capture:
+        return finding
+    return {key: str(value).replace(f"{capture}/", "").replace(f"{capture}\\", "") for key, value in finding.items()}
 
 
 def _read(run: Path | None, place: str) -> dict[str, Any]:

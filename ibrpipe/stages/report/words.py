@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,7 +44,7 @@ def size(count: int) -> str:
 
 def milliseconds(value: float | None) -> str:
     """Write milliseconds with three digits."""
-    return NONE if value is None else f"{value:.3g} ms" if value < 1000 else f"{value / 1000:.3g} s"
+    return NONE if value is None else f"{value:.3g} ms" if value < 999.5 else f"{value / 1000:.3g} s"
 
 
 def plain(value: Any) -> str:
@@ -81,7 +82,14 @@ def cards(metrics: MetricsModel) -> list[Card]:
     faster = _ratio(mesh.ms_per_frame, diffuse.ms_per_frame)
     if faster is not None:
         note = f"{faster:.2g} times Embree's speed without residuals"
-        found.append(Card("Frame", milliseconds(mean.ms_per_frame), note, "good" if faster >= 1 else "fair"))
+        found.append(
+            Card(
+                "Frame",
+                milliseconds(mean.ms_per_frame),
+                note,
+                "good" if faster >= 1 else "fair" if faster >= 0.5 else "poor",
+            )
+        )
     return found
 
 
@@ -146,6 +154,17 @@ def _speed(metrics: MetricsModel) -> str:
     )
 
 
+def surface_words(surface: Mapping[str, Any]) -> str:
+    """Say how well the photos see the surface, from the audit's figures."""
+    if not {"unseen", "fewer_than_3", "median_photos"} <= surface.keys():
+        return plain(dict(surface))
+    return (
+        f"{100 * surface['unseen']:.1f} % of the surface is seen by no photo, "
+        f"{100 * surface['fewer_than_3']:.1f} % by fewer than three; at the median point "
+        f"{plain(surface['median_photos'])} photos see it."
+    )
+
+
 def _difference(one: float | None, other: float | None) -> float | None:
     return None if one is None or other is None else one - other
 
@@ -164,6 +183,6 @@ def score_cells(scores: Scores) -> list[str]:
         number(scores.psnr_rest, 2),
         NONE if scores.coverage is None else f"{100 * scores.coverage:.2f} %",
         NONE if scores.depth_rmse is None else f"{scores.depth_rmse:.2g}",
-        NONE if scores.ms_per_frame is None else f"{scores.ms_per_frame:.3g}",
+        NONE if scores.ms_per_frame is None else f"{scores.ms_per_frame:.4g}",
         NONE if scores.mpix_per_s is None else f"{scores.mpix_per_s:.3g}",
     ]
