@@ -44,7 +44,7 @@ class TextureEntry(BaseModel):
 class AssetIndex(BaseModel):
     """The content of ``asset.json``."""
 
-    schema_version: Literal[1] = Field(SCHEMA, description="Version of this layout")
+    schema_version: Literal[1] = Field(1, description="Version of this layout")
     generator: str = Field(f"ibrpipe {VERSION}", description="What wrote the asset")
     units: str = Field("scene units of the capture", description="Length unit of all positions and depths")
     axes: str = Field("world axes of the capture, right-handed", description="Frame of all positions")

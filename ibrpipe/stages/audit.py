@@ -69,7 +69,7 @@ def audit_capture(capture: Capture, mesh: Mesh, limits: Limits | None = None) ->
         backs.append(back)
         observers += seen * (not view.held_out)
     findings += photo_findings(photos, limits)
-    surface = _surface(observers)
+    surface = _surface(observers, points)
     findings += _surface_findings(surface, photos, backs, capture, limits)
     findings += [Finding("note", "decided", capture.root.name, text, "this", "nothing to do") for text in capture.notes]
     order = {"error": 0, "warning": 1, "note": 2}
@@ -186,14 +186,19 @@ def _pose_findings(train: Sequence[View], test: Sequence[View]) -> list[Finding]
     return findings
 
 
-def _surface(observers: Array) -> dict[str, Any]:
-    """Shares of the area by how many photos see it."""
+def _surface(observers: Array, points: SurfacePoints) -> dict[str, Any]:
+    """Shares of the area by how many photos see it, and where those lie that fewer than three see."""
+    thin = observers < 3
+    center = points.position[thin].mean(axis=0) if thin.any() else np.full(3, np.nan)
+    facing = points.normal[thin].mean(axis=0) if thin.any() else np.full(3, np.nan)
     counts = np.bincount(np.minimum(observers, 10), minlength=11) / len(observers)
     return {
         "unseen": float(counts[0]),
         "fewer_than_3": float(counts[:3].sum()),
         "median_photos": int(np.median(observers)),
         "share_by_photos": {f"{n}{'+' if n == 10 else ''}": float(share) for n, share in enumerate(counts)},
+        "thin_center": [float(f"{value:.6g}") for value in center] if thin.any() else None,
+        "thin_facing": [float(f"{value:.6g}") for value in facing] if thin.any() else None,
         "samples": len(observers),
     }
 
@@ -211,6 +216,8 @@ def _surface_findings(
         return [Finding("error", "unseen mesh", file, "no photo sees any of the mesh", expected, "align them")]
     if surface["fewer_than_3"] > limits.thin:
         text = f"fewer than 3 photos see {surface['fewer_than_3']:.1%} of its area ({surface['unseen']:.1%}: none)"
+        x, y, z = surface["thin_center"]
+        text += f", around ({x:.3g}, {y:.3g}, {z:.3g})"
         expected = f"at most {limits.thin:.0%}"
         return [Finding("warning", "thin coverage", file, text, expected, "add photos of the rest, or crop the mesh")]
     return []

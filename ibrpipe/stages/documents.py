@@ -6,6 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from ibrpipe.io.assets import AssetIndex
+
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix33 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
 Matrix34 = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=3, max_length=3)]
@@ -131,6 +133,47 @@ class Plan(_Document):
     reasons: list[Reason] = Field(description="One for each choice")
 
 
+class LayersFigures(BaseModel):
+    """Figures of one texture's layered depth image."""
+
+    name: str = Field(description="Name of the texture")
+    width: int = Field(ge=1, description="Texels along u")
+    height: int = Field(ge=1, description="Texels along v")
+    samples: int = Field(ge=0, description="Depth samples in all layers")
+    most_layers: int = Field(ge=0, description="Samples of the fullest texel")
+    covered_texels: Share = Field(description="Share of the texels with a sample")
+    seen_share: Share = Field(description="Share of the samples that a photo sees")
+    depth_range: tuple[float, float] | None = Field(description="Nearest and farthest depth, scene units; null = empty")
+    bytes: int = Field(ge=0, description="Size of layers.exr")
+
+
+class Layers(_Document):
+    """``layers/layers.json``."""
+
+    textures: list[LayersFigures] = Field(description="All textures, in the order of the plan")
+
+
+class ResidualsFigures(BaseModel):
+    """Figures of one texture's residuals."""
+
+    name: str = Field(description="Name of the texture")
+    texture: int = Field(ge=0, description="Index of the texture in the plan")
+    directions: int = Field(ge=0, description="Residual images, one per direction of the spiral")
+    texels: int = Field(ge=0, description="Texels of all images")
+    valid_share: Share = Field(description="Share of the texels that hold a residual")
+    clamped_texels: int = Field(ge=0, description="Valid texels with a channel outside the range of the code")
+    clamped_share: Share = Field(description="Those over the valid ones")
+    zero: int = Field(description="Code of a residual of nothing")
+    encoding: Literal["8bit", "half"] = Field(description="How texels are stored")
+    bytes: int = Field(ge=0, description="Size of the texture's residual file")
+
+
+class Residuals(_Document):
+    """``residuals/residuals.json``."""
+
+    textures: list[ResidualsFigures] = Field(description="The textures that have residuals")
+
+
 class RenderedFrame(_Document):
     """One picture of one renderer."""
 
@@ -166,9 +209,12 @@ class Run(_Document):
 
 #: name of the schema -> model, and the place of the file in a run folder
 DOCUMENTS: dict[str, tuple[type[BaseModel], str]] = {
+    "asset": (AssetIndex, "asset/asset.json"),
     "audit": (Audit, "ingest/audit.json"),
     "frames": (Frames, "render/frames.json"),
+    "layers": (Layers, "layers/layers.json"),
     "plan": (Plan, "plan/plan.json"),
+    "residuals": (Residuals, "residuals/residuals.json"),
     "run": (Run, "run.json"),
     "views": (Views, "ingest/views.json"),
 }

@@ -23,6 +23,8 @@ from ibrpipe.stages.rectangles import Rectangle
 from ibrpipe.stages.stage import Stage
 from ibrpipe.types import Array, LayeredDepthImage
 
+#: normals are rounded to this many steps per unit: a power of two, so that they compress well
+NORMAL_STEPS = 64
 STATISTICS = {"median": 0, "mean": 1, "mode": 2}
 
 
@@ -104,7 +106,7 @@ def build_layers(
     color, _, observers = photos.diffuse(points, normals, config.bins, STATISTICS[config.statistic])
     color[observers == 0] = 0.0
     depth = quantize(depth, config.depth_bits)
-    normals = np.round(normals * 127) / np.float32(127)
+    normals = np.round(normals * NORMAL_STEPS) / np.float32(NORMAL_STEPS)
     if config.color_bits == 8:
         color = round_to_display(color)
     height, width = plan.rectangle.height, plan.rectangle.width

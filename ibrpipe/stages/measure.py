@@ -25,28 +25,48 @@ class SurfaceSample:
 
 @dataclass(frozen=True)
 class Appearance:
-    """Errors of predicting left-out photos, mean squared in display code (0 to 1)."""
+    """How well photos are predicted from the others; mean squares in display code (0 to 1) over `blocks` of 4 x 4 pixels.
 
-    pixels: int
-    diffuse_mse: float
-    blended_mse: float
+    Attributes
+    ----------
+    diffuse : left-out photo minus diffuse colour
+    predicted : view-dependent prediction minus diffuse colour
+    common : product of the two
+    """
+
+    blocks: int
+    diffuse: float
+    predicted: float
+    common: float
+
+    @property
+    def share(self) -> float:
+        """How much of the predicted view dependence is best added (0 to 1).
+
+        Leaving a photo out doubles the angle to the next one, so the prediction is right in part even where the finished
+        residuals, made from all photos, will be right altogether.
+        """
+        return float(np.clip(self.common / self.predicted, 0, 1)) if self.predicted > 0 else 0.0
+
+    @property
+    def remaining(self) -> float:
+        """Mean square that is left when that share is added."""
+        return max(self.diffuse - 2 * self.share * self.common + self.share**2 * self.predicted, 0.0)
 
     @property
     def gain(self) -> float:
-        """How much better view-dependent colour predicts, in dB."""
-        if self.pixels == 0:
-            return 0.0
-        floor = (0.5 / 255) ** 2  # an error below half a code is none
-        return float(10 * np.log10((self.diffuse_mse + floor) / (self.blended_mse + floor)))
+        """How much better left-out photos are predicted by adding that share, in dB; errors below half a code are none."""
+        floor = (0.5 / 255) ** 2
+        return float(10 * np.log10((self.diffuse + floor) / (self.remaining + floor)))
 
     def as_json(self) -> dict[str, float]:
         """Figures for plan.json; PSNR in dB on left-out photos."""
         psnr = {
-            name: round(float(-10 * np.log10(max(mse, 1e-10))), 2)
-            for name, mse in (("diffuse_psnr", self.diffuse_mse), ("view_dependent_psnr", self.blended_mse))
-            if self.pixels
+            name: round(float(-10 * np.log10(max(square, 1e-10))), 2)
+            for name, square in (("diffuse_psnr", self.diffuse), ("view_dependent_psnr", self.remaining))
+            if self.blocks
         }
-        return {"pixels": self.pixels, **psnr, "gain_db": round(self.gain, 2)}
+        return {"blocks": self.blocks, **psnr, "share_added": round(self.share, 3), "gain_db": round(self.gain, 2)}
 
 
 def sample_surface(caster: MeshCaster, photos: PhotoSet, count: int, seed: int) -> SurfaceSample:
@@ -101,13 +121,15 @@ def appearance(
 ) -> list[Appearance]:
     """Leave photos out one by one and predict them from the others, diffuse and view-dependent; one result a texture.
 
-    Every pixel counts for the texture that faces its surface best. About 4,000 pixels of each left-out photo are taken.
+    Pixels are taken in blocks of 4 x 4 and averaged before anything is compared, so that noise and blur of fine texture
+    do not pass for view dependence. A block counts for the texture that faces its surface best. About 600 blocks of each
+    left-out photo are taken.
     """
     rng = np.random.default_rng(seed)
     chosen = np.unique(np.linspace(0, len(photos.cameras) - 1, most_photos).round().astype(int))
-    sums = np.zeros((len(rectangles), 3))
+    sums = np.zeros((len(rectangles), 4))
     for left_out in chosen if len(photos.cameras) > 1 else ():
-        points, normals, truth = _photo_surface(int(left_out), caster, photos, rng)
+        points, normals, truth, block = _photo_surface(int(left_out), caster, photos, rng)
         if len(points) == 0:
             continue
         rest = photos.subset([p for p in range(len(photos.cameras)) if p != left_out])
@@ -116,24 +138,40 @@ def appearance(
         diffuse, _, _ = rest.diffuse(points, normals)
         blended, count = rest.blend(points, normals, toward)
         owner = np.stack([r.facing(points, normals) for r in rectangles], axis=1).argmax(axis=1)
-        good = count >= 2
-        for color, column in ((diffuse, 1), (blended, 2)):
-            error = ((srgb_encode(color[good]) - truth[good]) ** 2).mean(axis=1)
-            np.add.at(sums[:, column], owner[good], error)
-        np.add.at(sums[:, 0], owner[good], 1)
-    return [Appearance(int(n), d / max(n, 1), b / max(n, 1)) for n, d, b in sums]
+        base = srgb_encode(diffuse, np.inf)
+        missing, predicted = truth - base, srgb_encode(blended, np.inf) - base
+        missing, predicted, owner = _block_means(block, count >= 2, missing, predicted, owner)
+        products = (missing * missing, predicted * predicted, missing * predicted)
+        terms = np.stack([np.ones(len(owner)), *(product.mean(axis=1) for product in products)], axis=1)
+        np.add.at(sums, owner, terms)
+    return [Appearance(int(row[0]), *(row[1:] / max(row[0], 1)).tolist()) for row in sums]
+
+
+def _block_means(block: Array, good: Array, missing: Array, predicted: Array, owner: Array) -> tuple[Array, ...]:
+    """Average colours over the blocks with at least 8 good pixels; a block's owner is that of its first pixel."""
+    block, missing, predicted, owner = block[good], missing[good], predicted[good], owner[good]
+    kept, first, number, size = np.unique(block, return_index=True, return_inverse=True, return_counts=True)
+    means = []
+    for values in (missing, predicted):
+        total = np.zeros((len(kept), 3))
+        np.add.at(total, number, values)
+        means.append((total / size[:, None])[size >= 8])
+    return means[0], means[1], owner[first][size >= 8]
 
 
 def _photo_surface(
-    photo: int, caster: MeshCaster, photos: PhotoSet, rng: np.random.Generator, most: int = 4000
-) -> tuple[Array, Array, Array]:
-    """Surface points, normals and true colours of pixels well inside one photo's mask."""
-    camera, own = photos.cameras[photo], slice(photos.starts[photo], photos.starts[photo + 1])
+    photo: int, caster: MeshCaster, photos: PhotoSet, rng: np.random.Generator, most: int = 600
+) -> tuple[Array, Array, Array, Array]:
+    """Surface points, normals, true colours and block numbers of blocks of pixels well inside one photo's mask."""
+    camera, own = photos.cameras[photo], slice(photos.starts[photo], photos.starts[photo] + photos.sizes[photo].prod())
     hits = caster.cast_camera(camera)
     inside = np.flatnonzero(np.isfinite(hits.t.ravel()) & (photos.mask[own] >= 0.95))
-    pixels = np.sort(rng.choice(inside, min(most, len(inside)), replace=False))
+    block = inside // camera.width // 4 * camera.width + inside % camera.width // 4
+    numbers = np.unique(block)
+    taken = np.isin(block, rng.choice(numbers, min(most, len(numbers)), replace=False))
+    pixels, block = inside[taken], block[taken]
     row, column = pixels // camera.width, pixels % camera.width
     directions = np.stack([column + 0.5, row + 0.5, np.ones(len(pixels))], axis=1) @ camera.world_from_pixel.T
     points = camera.center + hits.t.ravel()[pixels, None].astype(np.float64) * directions
     normals = caster.smooth_normals(hits.face.ravel()[pixels], hits.uv.reshape(-1, 2)[pixels])
-    return points, normals, photos.code[own][pixels]
+    return points, normals, photos.code[own][pixels], block

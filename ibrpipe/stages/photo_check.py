@@ -103,11 +103,9 @@ def photo_findings(photos: Sequence[PhotoFigures], limits: Limits) -> list[Findi
             findings.append(
                 Finding("warning", "clipped", photo.name, text, expected, "expose less, or keep the raw file")
             )
-        if photo.black > limits.black:
+        if photo.black > limits.black and photo.overlap is not None:  # without a mask, black is the background
             text, expected = f"{photo.black:.1%} of its pixels are black", f"at most {limits.black:.0%}"
-            findings.append(
-                Finding("warning", "black", photo.name, text, expected, "expose more, or mask the background")
-            )
+            findings.append(Finding("warning", "black", photo.name, text, expected, "expose more, or correct the mask"))
         if photo.seen == 0 and photo.covered > 0:
             text, expected = "sees nothing of the mesh", "mesh and cameras in one world"
             findings.append(

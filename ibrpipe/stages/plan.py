@@ -52,9 +52,12 @@ class PlanConfig(StageConfig):
     )
     max_layers: int = Field(16, ge=1, le=256, description="Layers per texture at the most")
     residuals: Literal["auto", "always", "never"] = Field(
-        "auto", description="auto: only where they make left-out photos at least min_gain better"
+        "auto", description="auto: only where diffuse colour errs by min_error and they mend it by min_gain"
     )
     min_gain: float = Field(0.5, ge=0, description="Gain in dB on left-out photos that residuals must bring")
+    min_error: float = Field(
+        4.0, ge=0, description="Error of diffuse colour on left-out photos, in 8-bit codes, below which all is well"
+    )
     k: float | None = Field(None, gt=0, le=0.5, description="Spiral density; absent = from the angle between photos")
     residual_scale: float = Field(
         0.6, gt=0, le=4, description="Texels of a residual image per texel of the layers, along each edge"
@@ -149,14 +152,20 @@ def choose_residuals(name: str, found: Appearance, config: PlanConfig) -> tuple[
     if config.residuals != "auto":
         choice = config.residuals == "always"
         return choice, reason(f"residuals of {name}", choice, "set by the pipeline file", **figures)
-    if found.pixels < 50:
-        why = "too few pixels of the photos show it to measure view dependence"
+    if found.blocks < 20:
+        why = "too little of the photos shows it to measure view dependence"
+        return False, reason(f"residuals of {name}", False, why, **figures)
+    codes = 255 * found.diffuse**0.5
+    if codes < config.min_error:
+        why = (
+            f"diffuse colour predicts left-out photos to {codes:.1f} codes of 255; {config.min_error} would be visible"
+        )
         return False, reason(f"residuals of {name}", False, why, **figures)
     choice = found.gain >= config.min_gain
     verdict = "at least" if choice else "less than"
     why = (
-        f"view-dependent colour predicts left-out photos {found.gain:+.2f} dB better than diffuse colour, "
-        f"{verdict} the {config.min_gain} dB asked for"
+        f"diffuse colour errs by {codes:.1f} codes of 255 on left-out photos; view-dependent colour predicts them "
+        f"{found.gain:.2f} dB better, {verdict} the {config.min_gain} dB asked for"
     )
     return choice, reason(f"residuals of {name}", choice, why, **figures)
 
