@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.manifest import RUN_NAME, files_below, read_manifest
 from ibrpipe.stages.registry import load_stages
+
+if TYPE_CHECKING:
+    from ibrpipe.io.assets import TextureEntry
 
 Facts = dict[str, Any]
 
@@ -103,10 +106,28 @@ def _run(path: Path) -> Facts:
     metrics = path / "report" / "metrics.json"
     if metrics.is_file():
         content = read_object(metrics)
-        facts["metrics"] = {name: content[name] for name in ("mean", "renderers", "baselines", "bytes")}
+        facts |= {name: content[name] for name in ("renderers", "baselines", "bytes")}
     return facts
 
 
 def _asset(path: Path) -> Facts:
-    content = read_object(path / "asset.json")
-    return {"kind": "asset", "path": str(path), "bytes": bytes_below(path), **content}
+    from ibrpipe.io.assets import read_index
+
+    index = read_index(path)
+    facts: Facts = {"kind": "asset", "path": str(path), "bytes": bytes_below(path)}
+    facts |= {"generator": index.generator, "units": index.units, "color_space": index.color_space}
+    facts["photos"] = len(index.provenance.get("photos", []))
+    return facts | {"textures": {entry.name: _texture(path, entry) for entry in index.textures}}
+
+
+def _texture(folder: Path, entry: TextureEntry) -> Facts:
+    """Return the figures of one texture that are plain, those of its view dependence included."""
+    facts: Facts = {"view_dependence": ", ".join(component.kind for component in entry.components) or "none"}
+    layers, residuals = entry.measured.get("layers") or {}, entry.measured.get("residuals") or {}
+    if "width" in layers:
+        facts["texels"] = f"{layers['width']} x {layers['height']}"
+    facts |= {name: layers[name] for name in ("samples", "most_layers", "seen_share") if name in layers}
+    facts |= {f"residual_{name}": residuals[name] for name in ("directions", "texels") if name in residuals}
+    facts["layers_bytes"] = (folder / entry.layers).stat().st_size
+    facts["residual_bytes"] = sum((folder / component.file).stat().st_size for component in entry.components)
+    return facts

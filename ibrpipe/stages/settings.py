@@ -47,6 +47,7 @@ class Settings:
             else:
                 if target.get(part) is None:
                     target[part] = {}
+                    self.places[key[: index + 1]] = place
                 target = target[part]
             if not isinstance(target, (dict, list)):
                 raise ConfigError(f"{place}: {dotted(key[: index + 1])} is {target!r}, which has no keys below it")

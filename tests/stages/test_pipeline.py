@@ -107,6 +107,7 @@ def test_broken_files_fail_with_the_right_line(tmp_path: Path, text: str) -> Non
     [
         ("layers.bin=1", '--set layers.bin=1: unknown key "bin" in layers; did you mean "bins"?'),
         ("layers.bins=1", "--set layers.bins=1: layers.bins is 1; it should be"),
+        ("layer.bins=9", '--set layer.bins=9: unknown key "layer"; did you mean "layers"?'),
         ("layers.bins", "expected stage.key=value"),
         ("=3", "expected stage.key=value"),
         ("layers.=3", "expected stage.key=value"),
