@@ -91,7 +91,7 @@ def test_true_depth_is_where_the_mesh_is():
 
 
 def test_exposure_table_makes_photos_agree():
-    """Brightness of the same points in differently exposed photos: nearer with the gains, farther with their inverse."""
+    """Points in differently exposed photos: their brightness is nearer with the gains, farther with their inverse."""
     root = real("mold-gold-cape")
     model = import_pycolmap().Reconstruction(str(find_model(root)))
     images = {image.name: image for image in model.images.values()}
