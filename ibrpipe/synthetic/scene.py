@@ -23,10 +23,12 @@ class Gloss:
     Attributes
     ----------
     normal_reflectance : reflectance at normal incidence
+    grazing_reflectance : reflectance at grazing incidence: 1 for a polished coat, less for a rough one
     exponent : of the Phong lobes of the lamps
     """
 
     normal_reflectance: float = 0.05
+    grazing_reflectance: float = 1.0
     exponent: float = 400.0
 
 
@@ -184,8 +186,8 @@ def coat_light(scene: Scene, samples: Samples, to_eye: Array) -> Array:
         n, v = samples.normals[mine], to_eye[mine]
         cosine = np.clip((n * v).sum(axis=1, keepdims=True), 0.0, 1.0)
         mirrored = 2.0 * cosine * n - v
-        f0 = part.gloss.normal_reflectance
-        fresnel = f0 + (1.0 - f0) * (1.0 - cosine) ** 5
+        f0, f90 = part.gloss.normal_reflectance, part.gloss.grazing_reflectance
+        fresnel = f0 + (f90 - f0) * (1.0 - cosine) ** 5
         seen = scene.studio.radiance(mirrored) + scene.studio.glints(mirrored, part.gloss.exponent)
         light[mine] = fresnel * seen * samples.openness[mine, None]
     return light

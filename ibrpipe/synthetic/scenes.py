@@ -29,6 +29,9 @@ STUDIO = Studio(
     ),
 )
 
+#: satin: reflections that photos about 20 degrees apart can capture
+GLAZE = Gloss(normal_reflectance=0.10, grazing_reflectance=0.5, exponent=40.0)
+
 #: daylight from the upper left for the matt scene
 DAYLIGHT = Studio(
     zenith=(0.50, 0.56, 0.66),
@@ -51,8 +54,8 @@ def glossy(detail: float = 1.0) -> Scene:
         "glossy",
         "a glazed ball with a ring around it: reflections, fine paint, several depth layers",
         (
-            Part("ball", body, glazed_ball, Gloss(0.08, 40.0)),
-            Part("ring", ring, BandedRing(frame, center, 22), Gloss(0.08, 40.0)),
+            Part("ball", body, glazed_ball, GLAZE),
+            Part("ring", ring, BandedRing(frame, center, 22), GLAZE),
         ),
         STUDIO,
     )
@@ -88,7 +91,7 @@ def lambert(detail: float = 1.0) -> Scene:
 def plain_ball(detail: float = 1.0) -> Scene:
     """Return a glossy unit ball whose depth and colour are known in closed form."""
     shape = ball(lobed_ball(1.0, 1, 0.0, 1.0), _cells(360, detail), _cells(180, detail))
-    part = Part("ball", shape, glazed_ball, Gloss(0.08, 40.0))
+    part = Part("ball", shape, glazed_ball, GLAZE)
     return Scene("ball", "a glossy unit ball: depth and colour in closed form", (part,), STUDIO)
 
 

@@ -109,7 +109,8 @@ def plain_color(scene: Scene, point: np.ndarray, eye: np.ndarray) -> tuple[np.nd
         to_lamp = np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
         light = light + max(n @ to_lamp, 0) * np.array(lamp.irradiance)
         glints += max(mirrored @ to_lamp, 0) ** gloss.exponent * np.array(lamp.radiance)
-    fresnel = gloss.normal_reflectance + (1 - gloss.normal_reflectance) * (1 - n @ v) ** 5
+    f0, f90 = gloss.normal_reflectance, gloss.grazing_reflectance
+    fresnel = f0 * (1 - (1 - n @ v) ** 5) + f90 * (1 - n @ v) ** 5
     return glazed_ball(point[None])[0] * light, fresnel * (plain_studio(studio, mirrored) + glints)
 
 
@@ -167,7 +168,7 @@ def test_a_perfect_mirror_shows_the_room() -> None:
         else Studio((0.7,) * 3, (0.7,) * 3, (0.7,) * 3)
     )
     shape = ball(lobed_ball(1.0, 1, 0.0, 1.0), 60, 30)
-    part = Part("ball", shape, lambda points: np.zeros_like(points), Gloss(1.0, 10.0))
+    part = Part("ball", shape, lambda points: np.zeros_like(points), Gloss(1.0, 1.0, 10.0))
     photo = take_photo(prepare_scene(Scene("mirror", "", (part,), room), 0), CAMERA, 1)
     np.testing.assert_allclose(photo.color[photo.coverage == 1], 0.7, atol=1e-12)
 
