@@ -87,6 +87,8 @@ class AuditedSurface(_Document):
     fewer_than_3: Share = Field(description="Share of the area that fewer than three photos see")
     median_photos: int = Field(description="Photos that see a point, median over the area")
     share_by_photos: dict[str, float] = Field(description="Share of the area by number of photos; 10+ = ten or more")
+    thin_center: Vector | None = Field(description="Mean place of what fewer than three photos see; null = none")
+    thin_facing: Vector | None = Field(description="Mean normal of what fewer than three photos see; null = none")
     samples: int = Field(description="Points that were tried")
 
 
