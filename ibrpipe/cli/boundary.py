@@ -52,7 +52,8 @@ def one_line() -> Iterator[None]:
 
 def _told(error: OSError) -> str | None:
     """Return the line for what the machine refuses, None for any other error."""
-    where = f" at {error.filename}" if error.filename else ""
+    path = error.filename2 or error.filename  # of a copy, where it goes to
+    where = f" at {path}" if path else ""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return f"no space left on the disk{where}; make room and run the same command again"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
