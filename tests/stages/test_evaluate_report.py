@@ -1,0 +1,117 @@
+"""Words, plot and pictures of the report."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from ibrpipe.stages.metrics import Machine, MetricsModel, Protocol, Scores, ViewMetrics
+from ibrpipe.stages.report import pictures, plot, words
+from ibrpipe.stages.report.page import render_page
+from ibrpipe.stages.report.sources import ReportSources
+
+
+def scores(psnr, ms, highlight=None, rest=None):
+    return Scores(
+        psnr=psnr, ssim=0.9, flip=0.1, coverage=0.999, psnr_highlight=highlight, psnr_rest=rest,
+        ms_per_frame=ms, mpix_per_s=0.3072 / ms * 1e3,
+    )  # fmt: skip
+
+
+def metrics(residuals=3_000_000, own=None):
+    own = own or scores(27.1, 30.0, 20.0, 30.0)
+    baselines = {
+        "diffuse": scores(23.0, 10.0, 14.0, 29.5),
+        "ulr": scores(27.5, 400.0, 20.5),
+        "mesh": scores(23.1, 15.0),
+    }
+    view = ViewMetrics(name="a", mask_pixels=1000, highlight_pixels=80, renderers={"ldi": own}, baselines=baselines)
+    return MetricsModel(
+        renderer="ldi",
+        views=[view],
+        mean=own,
+        renderers={"ldi": own},
+        baselines=baselines,
+        bytes={"asset": 500_000 + residuals, "layers": 500_000, "residuals": residuals, "photos": 4_500_000},
+        seconds={"layers": 12.5, "evaluate": 30.0},
+        machine=Machine(cpu="c<pu>", cores=2, threads=2, system="s", python="3", versions={"numpy": "2"}),
+        protocol=Protocol(
+            mask_threshold=0.5, highlight_threshold=24, ssim_window="w", flip_ppd=67.0, psnr_cap=100.0,
+            timing_width=640, timing_height=480, timing_repeats=7, timing_views=4, threads=2, lines=["one", "two"],
+        ),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("count", "text"),
+    [(0, "0 B"), (999, "999 B"), (1000, "1 kB"), (1540, "1.54 kB"), (999_499, "999 kB"), (4_519_411, "4.52 MB"),
+     (123_456_789, "123 MB"), (7_000_000_000, "7 GB")],
+)  # fmt: skip
+def test_sizes_in_words(count, text):
+    assert words.size(count) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(True, "yes"), (0.0416666, "0.04167"), ({"a_b": 1, "c": [1, 2]}, "a b 1, c 1 × 2"), (None, "–"), ("kept", "kept"),
+     (-1.5, "−1.5")],
+)  # fmt: skip
+def test_values_of_the_plan_in_words(value, text):
+    assert words.plain(value) == text
+
+
+def test_the_verdict_says_what_was_found():
+    text = " ".join(words.verdict(metrics()))
+    for part in (
+        "27.10 dB PSNR", "0.40 dB less than blending", "4.10 dB more than its diffuse colours", "99.90 % of the mask",
+        "8 % of the pixels", "+6.0 dB (14.0 to 20.0 dB", "elsewhere by +0.5 dB", "3.5 MB", "78 % of the photos",
+        "takes 30 ms with residuals and 10 ms without", "1.50 times Embree's speed", "2.00 times as long",
+    ):  # fmt: skip
+        assert part in text, part
+
+
+def test_the_verdict_does_not_praise_a_failure():
+    poor = metrics(residuals=9_000_000, own=scores(22.0, 300.0, 13.0, 29.0))
+    text = " ".join(words.verdict(poor))
+    for part in ("5.50 dB less than blending", "1.00 dB less than its diffuse", "−1.0 dB", "2.1 times the photos"):
+        assert part in text, part
+    assert [card.tone for card in words.cards(poor)][1:3] == ["poor", "poor"]
+    assert [card.tone for card in words.cards(metrics())][1:] == ["good", "good", "good"]
+
+
+def test_an_asset_without_residuals_says_so():
+    text = " ".join(words.verdict(metrics(residuals=0)))
+    assert "holds no residuals" in text
+    assert "diffuse colours" not in text
+
+
+def test_the_page_escapes_what_it_is_told():
+    page = render_page(metrics(), [], ReportSources("<b>&", 3, 1, (4, 3)))
+    assert "<b>&" not in page.replace("<b>all</b>", "")
+    assert "&lt;b&gt;&amp;" in page
+    assert "c&lt;pu&gt;" in page
+
+
+def test_the_plot_holds_every_way_and_says_its_figures():
+    drawn = plot.speed_error_plot(metrics())
+    for text in ("ldi", "30 ms, 27.1 dB", "ulr", "400 ms, 27.5 dB", "mesh", "diffuse", "640 × 480"):
+        assert text in drawn, text
+    assert "<metadata" not in drawn
+    assert not re.search(r'href="https?:', drawn)
+    assert plot.speed_error_plot(metrics()) == drawn
+
+
+def test_rms_of_a_psnr():
+    assert plot.rms_codes(20 * np.log10(255 / 10)) == pytest.approx(10.0)
+
+
+def test_differences_are_amplified_and_capped():
+    colors = pictures.heat_colors()
+    truth = np.full((1, 3, 3), 100, np.uint8)
+    picture = truth.copy()
+    picture[0, 1, 2] = 110
+    picture[0, 2, 0] = 0
+    heat = pictures._heat(truth, picture)
+    assert (heat[0] == colors[[0, 40, 255]]).all()
