@@ -12,25 +12,28 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import prange
 
-from ibrpipe.core.jit import helper, kernel
-from ibrpipe.core.rays import clip_box, depth_at
+from ibrpipe.core.jit import helper
+
+#: how far, in cells or ray lengths, a root may lie outside its cell
+OVERLAP = 1e-9
 
 
 @helper
-def accept_root(s, low, high, slope, front, mask, p, q):
+def accept_root(s, slope, front, mask, p, q):
     # p, q: place in the cell at the root
-    if not low <= s <= high or (front and slope <= 0.0):
+    if not (-OVERLAP <= s <= 1.0 + OVERLAP) or (front and slope <= 0.0):
+        return False
+    if not (-OVERLAP <= p <= 1.0 + OVERLAP and -OVERLAP <= q <= 1.0 + OVERLAP):
         return False
     if mask == 15:
         return True
-    left = mask & (1 if q <= 0.5 else 4) if p <= 0.5 else mask & (2 if q <= 0.5 else 8)
-    return left != 0
+    corner = mask & (1 if q <= 0.5 else 4) if p <= 0.5 else mask & (2 if q <= 0.5 else 8)
+    return corner != 0
 
 
 @helper
-def meet_patch(a, b, c, e, mask, p, q, d, dp, dq, dd, low, high, front):
+def meet_patch(a, b, c, e, mask, p, q, d, dp, dq, dd, front):
     # patch corner depths a (0, 0), b (1, 0), c (0, 1), e (1, 1); ray (p, q, d) + s (dp, dq, dd) -> nearest s or inf
     twist = a - b - c + e
     A = -twist * dp * dq
@@ -44,46 +47,42 @@ def meet_patch(a, b, c, e, mask, p, q, d, dp, dq, dd, low, high, front):
     second = w / A if A != 0.0 else np.inf
     if second < first:
         first, second = second, first
-    if accept_root(first, low, high, 2.0 * A * first + B, front, mask, p + first * dp, q + first * dq):
+    if accept_root(first, 2.0 * A * first + B, front, mask, p + first * dp, q + first * dq):
         return first
-    if accept_root(second, low, high, 2.0 * A * second + B, front, mask, p + second * dp, q + second * dq):
+    if accept_root(second, 2.0 * A * second + B, front, mask, p + second * dp, q + second * dq):
         return second
     return np.inf
 
 
 @helper
-def meet_cell(leaves, column, row, columns, u, v, d, du, dv, dd, low, high, front):
-    # nearest (s, patch) of the cell's patches, (inf, -1) if none; leaves = (height, starts, corners, masks)
-    height, starts, corners, masks = leaves
+def meet_cell(height, cells, corners, masks, column, row, columns, u, v, d, du, dv, dd, front):
+    # nearest (s, patch) in the cell, s = inf if none; height, cells, corners, masks: see renderers.fields.Field
     p, q = u - column, v - row
-    cell = row * columns + column
-    if starts.shape[0] == 0:
+    patch = row * columns + column
+    if cells.shape[0] == 0:
         a, b = float(height[row, column]), float(height[row, column + 1])
         c, e = float(height[row + 1, column]), float(height[row + 1, column + 1])
-        return meet_patch(a, b, c, e, 15, p, q, d, du, dv, dd, low, high, front), cell
-    best, found = np.inf, -1
-    for k in range(starts[cell], starts[cell + 1]):
-        a, b, c, e = float(corners[k, 0]), float(corners[k, 1]), float(corners[k, 2]), float(corners[k, 3])
-        s = meet_patch(a, b, c, e, masks[k], p, q, d, du, dv, dd, low, high, front)
-        if s < best:
-            best, found = s, k
-    return best, found
+        return meet_patch(a, b, c, e, 15, p, q, d, du, dv, dd, front), patch
+    patch = np.int64(cells[patch])
+    if patch < 0:
+        return np.inf, patch
+    a, b = float(corners[patch, 0]), float(corners[patch, 1])
+    c, e = float(corners[patch, 2]), float(corners[patch, 3])
+    return meet_patch(a, b, c, e, masks[patch], p, q, d, du, dv, dd, front), patch
 
 
 @helper
-def walk_ray(nodes, meta, leaves, columns, rows, grid, u, v, d, du, dv, dd, front):
+def walk_ray(nodes, meta, height, cells, corners, masks, columns, rows, grid, u, v, d, du, dv, dd, front):
     # grid = (lowest depth, steps per depth); ray from s = 0 to 1 -> (s, patch, column, row); s = inf for a miss
     low, scale = grid
-    fastest = max(abs(du), abs(dv))
-    nudge = 1e-9 / max(fastest, 1e-9)
-    level, s = len(meta) - 1, 0.0
+    right, below = (1 if du > 0.0 else 0), (1 if dv > 0.0 else 0)
+    i, j = min(max(int(u), 0), columns - 1), min(max(int(v), 0), rows - 1)
+    level, top, s = len(meta) - 1, len(meta) - 1, 0.0
     while True:
-        ahead = s + nudge
-        i = min(max(int(math.floor(u + ahead * du)), 0), columns - 1)
-        j = min(max(int(math.floor(v + ahead * dv)), 0), rows - 1)
         bi, bj = i >> level, j >> level
-        su = (((bi + (du > 0.0)) << level) - u) / du if du != 0.0 else np.inf
-        sv = (((bj + (dv > 0.0)) << level) - v) / dv if dv != 0.0 else np.inf
+        plane_u, plane_v = (bi + right) << level, (bj + below) << level
+        su = (plane_u - u) / du if du != 0.0 else np.inf
+        sv = (plane_v - v) / dv if dv != 0.0 else np.inf
         leave = max(min(min(su, sv), 1.0), s)
         node = nodes[meta[level, 0] + bj * meta[level, 1] + bi]
         da, db = (d + s * dd - low) * scale, (d + leave * dd - low) * scale
@@ -93,47 +92,17 @@ def walk_ray(nodes, meta, leaves, columns, rows, grid, u, v, d, du, dv, dd, fron
             if level > 0:
                 level -= 1
                 continue
-            hit, patch = meet_cell(
-                leaves, i, j, columns, u, v, d, du, dv, dd, s - 4.0 * nudge, leave + 4.0 * nudge, front
-            )
+            hit, patch = meet_cell(height, cells, corners, masks, i, j, columns, u, v, d, du, dv, dd, front)
             if hit < np.inf:
                 return hit, patch, i, j
         if leave >= 1.0:
-            return np.inf, -1, 0, 0
-        s = leave + nudge
-        level = min(level + 1, len(meta) - 1)
-
-
-@kernel
-def search_field(start, turn, box, grid, front, nodes, meta, leaves, window, best, index, number, patches, places):
-    # start (4,), turn (4, 3): see rays; window (x0, x1, y0, y1) pixels; best (H, W) f32 camera depth so far, lowered in
-    # place; index (H, W) i16 becomes `number`, patches (H, W) i32, places (H, W, 2) f32 where it was lowered
-    columns, rows = int(box[0]), int(box[1])
-    for y in prange(window[2], window[3]):
-        for x in range(window[0], window[1]):
-            px, py = x + 0.5, y + 0.5
-            r0 = turn[0, 0] * px + turn[0, 1] * py + turn[0, 2]
-            r1 = turn[1, 0] * px + turn[1, 1] * py + turn[1, 2]
-            r2 = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2]
-            r3 = turn[3, 0] * px + turn[3, 1] * py + turn[3, 2]
-            near, far = clip_box(start, r0, r1, r2, r3, box, float(best[y, x]))
-            if not near <= far:
-                continue
-            qa, qb = start[3] + near * r3, start[3] + far * r3
-            if not (qa > 0.0 and qb > 0.0):
-                continue
-            u, v, d = (start[0] + near * r0) / qa, (start[1] + near * r1) / qa, (start[2] + near * r2) / qa
-            du = (start[0] + far * r0) / qb - u
-            dv = (start[1] + far * r1) / qb - v
-            dd = (start[2] + far * r2) / qb - d
-            s, patch, i, j = walk_ray(nodes, meta, leaves, columns, rows, grid, u, v, d, du, dv, dd, front)
-            if s < np.inf:
-                t = depth_at(min(max(s, 0.0), 1.0), near, far, qa, qb)
-                if np.float32(t) < best[y, x]:
-                    best[y, x] = t
-                    if index.shape[0] > 0:
-                        index[y, x] = number
-                    if patches.shape[0] > 0:
-                        patches[y, x] = patch
-                        places[y, x, 0] = min(max(u + s * du - i, 0.0), 1.0)
-                        places[y, x, 1] = min(max(v + s * dv - j, 0.0), 1.0)
+            return np.inf, np.int64(-1), 0, 0
+        size = 1 << level
+        if su < sv:
+            i, j = plane_u + right - 1, min(max(int(v + leave * dv), bj * size), bj * size + size - 1)
+        else:
+            i, j = min(max(int(u + leave * du), bi * size), bi * size + size - 1), plane_v + below - 1
+        if i < 0 or j < 0 or i >= columns or j >= rows:
+            return np.inf, np.int64(-1), 0, 0
+        s = leave
+        level = min(level + 1, top)

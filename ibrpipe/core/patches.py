@@ -176,10 +176,8 @@ def measure_patches(corners, masks, out_near, out_far):
 
 
 @kernel
-def pack_patches(starts, near, far, low, scale, out):
-    # starts (cells + 1,) i32; near, far (P,) f64 -> out (cells,) u32 bounds
-    for cell in prange(starts.shape[0] - 1):
-        least, greatest = np.inf, -np.inf
-        for patch in range(starts[cell], starts[cell + 1]):
-            least, greatest = min(least, near[patch]), max(greatest, far[patch])
-        out[cell] = pack_bounds(least, greatest, low, scale) if least <= greatest else np.uint32(EMPTY)
+def pack_patches(cells, near, far, low, scale, out):
+    # cells (N,) i32 patch of each cell, -1 = none; near, far (P,) f64 -> out (N,) u32 bounds
+    for cell in prange(cells.shape[0]):
+        patch = cells[cell]
+        out[cell] = pack_bounds(near[patch], far[patch], low, scale) if patch >= 0 else np.uint32(EMPTY)

@@ -9,8 +9,6 @@ Symbols: ``meta[l] = (first index, row stride, rows)`` of level l; level 0 are t
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import prange
 
@@ -34,9 +32,9 @@ def plan_levels(rows: int, columns: int) -> np.ndarray:
 @inlined
 def pack_bounds(near, far, low, scale):
     # near <= far in depth units; low, scale: depth -> steps. Rounded outward by at least a hundredth of a step
-    least = min(max(math.floor((near - low) * scale - 0.01), 0.0), 65535.0)
-    greatest = min(max(math.ceil((far - low) * scale + 0.01), 0.0), 65535.0)
-    return np.uint32(least) | (np.uint32(greatest) << np.uint32(16))
+    least = min(max((near - low) * scale - 0.01, 0.0), STEPS)
+    greatest = min(max((far - low) * scale + 1.01, 0.0), STEPS)
+    return np.uint32(np.int32(least)) | (np.uint32(np.int32(greatest)) << np.uint32(16))
 
 
 @kernel

@@ -37,8 +37,10 @@ class Field:
     front : bool
         Only hits where the ray passes to greater depth count.
     nodes, meta : see :mod:`ibrpipe.core.quadtree`
-    leaves : (height, starts, corners, masks)
-        Texel heights of a height field (then `starts` is empty), or patches per cell.
+    slopes : (4,) float64
+        Least and greatest change of depth per cell along u, then along v.
+    leaves : (height, cells, corners, masks)
+        Texel heights of a height field (then `cells` is empty), or the patch of every cell (-1 = none).
     samples : (P, 4) int32
         Sample of each patch corner; empty for height fields.
     color : (H, W, 3) or (S, 3) float32
@@ -50,6 +52,7 @@ class Field:
     box: Array
     grid: Array
     front: bool
+    slopes: Array
     nodes: Array
     meta: Array
     leaves: tuple[Array, Array, Array, Array]
@@ -57,14 +60,21 @@ class Field:
     color: Array
 
     @property
+    def axis(self) -> Array:
+        """(3,) float64 unit world direction in which depth grows (along a perspective frame's optical axis)."""
+        axis = self.linear[3] if self.shift[3] == 0.0 else np.linalg.inv(self.linear[:3])[:, 2]
+        unit: Array = axis / np.linalg.norm(axis)
+        return unit
+
+    @property
     def bytes(self) -> int:
         """Bytes held beyond the source itself."""
-        own = self.nodes.nbytes + self.samples.nbytes + sum(part.nbytes for part in self.leaves[1:])
+        own = self.nodes.nbytes + self.leaves[1].nbytes
         return own + self.linear.nbytes + self.meta.nbytes
 
 
-def build_field(source: Source) -> Field:
-    """Build the field of one source.
+def build_fields(source: Source) -> list[Field]:
+    """Build the fields of one source: one per sheet, patches that lie one behind the other are on different sheets.
 
     Raises
     ------
@@ -74,27 +84,28 @@ def build_field(source: Source) -> Field:
     if isinstance(source, SpiralTexture):
         source = source.layers
     if isinstance(source, ReliefTexture):
-        return _height_field(source) if min(source.height.shape) > 1 else _layer_field(_thin_layers(source), np.inf)
+        return [_height_field(source)] if min(source.height.shape) > 1 else _layer_fields(_thin_layers(source), np.inf)
     if isinstance(source, DepthImage):
-        return _layer_field(_depth_layers(source), UNKNOWN_GAP)
+        return _layer_fields(_depth_layers(source), UNKNOWN_GAP)
     if isinstance(source, LayeredDepthImage):
-        return _layer_field(source, UNKNOWN_GAP)
+        return _layer_fields(source, UNKNOWN_GAP)
     raise RendererError(
         f"cannot render a {type(source).__name__}; give a ReliefTexture, DepthImage, LayeredDepthImage, "
         "SpiralTexture, Asset, or a list of these"
     )
 
 
-def _transform(frame: ParallelFrame | Camera, first: float) -> tuple[Array, Array, Array]:
-    """Return (linear, origin, shift): texel coordinate `first` becomes cell coordinate 0."""
+def _transform(frame: ParallelFrame | Camera, first_u: float, first_v: float) -> tuple[Array, Array, Array]:
+    """Return (linear, origin, shift): texel coordinates (first_u, first_v) become cell coordinates (0, 0)."""
     linear, shift = np.zeros((4, 3)), np.zeros(4)
     if isinstance(frame, Camera):
         linear[[0, 1, 3]] = frame.K @ frame.R
-        linear[:2] -= first * linear[3]
+        linear[0] -= first_u * linear[3]
+        linear[1] -= first_v * linear[3]
         shift[2] = -1.0
         return linear, frame.center, shift
     linear[:3] = frame.local_from_world
-    shift[:] = (-first, -first, 0.0, 1.0)
+    shift[:] = (-first_u, -first_v, 0.0, 1.0)
     return linear, frame.origin, shift
 
 
@@ -117,11 +128,11 @@ def _height_field(source: ReliefTexture) -> Field:
     nodes = np.empty(meta[-1, 0] + 1, np.uint32)
     quadtree.pack_heights(height, grid[0], grid[1], nodes)
     quadtree.build_levels(nodes, meta)
-    linear, origin, shift = _transform(source.frame, 0.5)
+    linear, origin, shift = _transform(source.frame, 0.5, 0.5)
     leaves = (height, np.empty(0, np.int32), np.empty((0, 4), np.float32), np.empty(0, np.uint8))
     box = np.array([columns, rows, low, high])
     samples = np.empty((0, 4), np.int32)
-    return Field(linear, origin, shift, box, grid, False, nodes, meta, leaves, samples, source.color)
+    return Field(linear, origin, shift, box, grid, False, np.zeros(4), nodes, meta, leaves, samples, source.color)
 
 
 def _thin_layers(source: ReliefTexture) -> LayeredDepthImage:
@@ -170,9 +181,36 @@ def _texel_places(layers: LayeredDepthImage) -> tuple[Array, Array]:
     return texel % columns + 0.5, texel // columns + 0.5
 
 
-def _layer_field(layers: LayeredDepthImage, gap: float) -> Field:
-    rows, columns = layers.shape
+def _layer_fields(layers: LayeredDepthImage, gap: float) -> list[Field]:
+    columns = layers.shape[1]
     depth, step, margin = _steps(layers)
+    samples, cell = _patches(layers, depth, step, margin, gap)
+    corners, masks = np.empty((len(samples), 4), np.float32), np.empty(len(samples), np.uint8)
+    patches.fill_corners(samples, depth, step, corners, masks)
+    near, far = np.empty(len(samples)), np.empty(len(samples))
+    patches.measure_patches(corners, masks, near, far)
+    fields = []
+    for chosen in _sheets(cell, near + far):
+        first_row, first_column = (cell[chosen] // (columns + 1)).min(), (cell[chosen] % (columns + 1)).min()
+        row, column = cell[chosen] // (columns + 1) - first_row, cell[chosen] % (columns + 1) - first_column
+        cells = np.full((row.max() + 1, column.max() + 1), -1, np.int32)
+        cells[row, column] = chosen
+        grid, low, high = _grid(float(near[chosen].min()), float(far[chosen].max()))
+        meta = quadtree.plan_levels(*cells.shape)
+        nodes = np.empty(meta[-1, 0] + 1, np.uint32)
+        patches.pack_patches(cells.ravel(), near, far, grid[0], grid[1], nodes)
+        quadtree.build_levels(nodes, meta)
+        place = _transform(layers.frame, first_column - 0.5, first_row - 0.5)
+        box = np.array([cells.shape[1], cells.shape[0], low, high])
+        leaves = (np.empty((0, 0), np.float32), cells.ravel(), corners, masks)
+        slopes = _slopes(corners[chosen])
+        fields.append(Field(*place, box, grid, True, slopes, nodes, meta, leaves, samples, layers.color))
+    return fields
+
+
+def _patches(layers: LayeredDepthImage, depth: Array, step: Array, margin: Array, gap: float) -> tuple[Array, Array]:
+    """Return samples (P, 4) int32 of every patch by corner, and the cell (P,) int64 of every patch."""
+    rows, columns = layers.shape
     links = np.full((4, len(depth)), -1, np.int32)
     patches.link_samples(layers.offsets, depth, step, margin, gap, links)
     counts = np.empty((rows + 1, columns + 1), np.int32)
@@ -183,24 +221,23 @@ def _layer_field(layers: LayeredDepthImage, gap: float) -> Field:
     if len(samples):
         marks[:] = 0
         patches.walk_cells(layers.offsets, links, starts, marks, counts, samples)
-    corners, masks = np.empty((len(samples), 4), np.float32), np.empty(len(samples), np.uint8)
-    patches.fill_corners(samples, depth, step, corners, masks)
-    starts = starts.astype(np.int32)
-    meta, nodes, grid, low, high = _patch_pyramid(rows + 1, columns + 1, starts, corners, masks)
-    linear, origin, shift = _transform(layers.frame, -0.5)
-    box = np.array([columns + 1, rows + 1, low, high])
-    leaves = (np.empty((0, 0), np.float32), starts, corners, masks)
-    return Field(linear, origin, shift, box, grid, True, nodes, meta, leaves, samples, layers.color)
+    return samples, np.repeat(np.arange(counts.size), counts.ravel())
 
 
-def _patch_pyramid(
-    rows: int, columns: int, starts: Array, corners: Array, masks: Array
-) -> tuple[Array, Array, Array, float, float]:
-    near, far = np.empty(len(masks)), np.empty(len(masks))
-    patches.measure_patches(corners, masks, near, far)
-    grid, low, high = _grid(near.min(initial=np.inf), far.max(initial=-np.inf))
-    meta = quadtree.plan_levels(rows, columns)
-    nodes = np.empty(meta[-1, 0] + 1, np.uint32)
-    patches.pack_patches(starts, near, far, grid[0], grid[1], nodes)
-    quadtree.build_levels(nodes, meta)
-    return meta, nodes, grid, low, high
+def _sheets(cell: Array, depth: Array) -> list[Array]:
+    """Return the patches of each sheet: of every cell the nearest, the second nearest, and so on."""
+    order = np.lexsort((depth, cell))
+    new = np.r_[True, np.diff(cell[order]) > 0][: len(order)]
+    starts = np.flatnonzero(new)
+    rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.r_[starts, len(order)]))
+    return [order[rank == k] for k in range(int(rank.max(initial=-1)) + 1)]
+
+
+def _slopes(corners: Array) -> Array:
+    """Return least and greatest change of depth per cell along u, then along v, of bilinear patches (P, 4)."""
+    c = corners.astype(np.float64)
+    along_u, along_v = (
+        np.stack([c[:, 1] - c[:, 0], c[:, 3] - c[:, 2]]),
+        np.stack([c[:, 2] - c[:, 0], c[:, 3] - c[:, 1]]),
+    )
+    return np.array([along_u.min(), along_u.max(), along_v.min(), along_v.max()])

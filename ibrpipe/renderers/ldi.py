@@ -16,11 +16,11 @@ from typing import Any
 import numba
 import numpy as np
 
-from ibrpipe.core import ldi_search, ldi_shade
+from ibrpipe.core import ldi_packets, ldi_shade
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.api import Prepared, Source
 from ibrpipe.renderers.api import prepare as prepare_source
-from ibrpipe.renderers.fields import Field, build_field
+from ibrpipe.renderers.fields import Field, build_fields
 from ibrpipe.types import Array, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
 
 Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
@@ -35,16 +35,16 @@ _NO_PLACES = np.empty((0, 0, 2), np.float32)
 
 @dataclass(frozen=True, eq=False)
 class Fields:
-    """All fields of a prepared source, and what the residual pass prepared for its textures."""
+    """All fields of a prepared source with their textures' numbers, and what the residual pass prepared for these."""
 
-    fields: tuple[Field, ...]
+    fields: tuple[tuple[int, Field], ...]
     textures: tuple[Texture, ...]
     residuals: Any
 
     @property
     def bytes(self) -> int:
         """Bytes held beyond the sources."""
-        return sum(field.bytes for field in self.fields)
+        return sum(field.bytes for _, field in self.fields)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,8 @@ def prepare(textures: tuple[Texture, ...]) -> Fields:
     tables = None
     if any(isinstance(texture, SpiralTexture) and texture.residuals is not None for texture in textures):
         tables = import_module(_RESIDUAL_PASS).prepare(textures)
-    return Fields(tuple(build_field(texture) for texture in textures), textures, tables)
+    fields = tuple((number, field) for number, texture in enumerate(textures) for field in build_fields(texture))
+    return Fields(fields, textures, tables)
 
 
 def draw(fields: Fields, camera: Camera, outputs: tuple[str, ...], residuals: bool = True, threads: int = 0) -> Frame:
@@ -144,17 +145,23 @@ def find_hits(fields: Fields, camera: Camera, detail: bool = True) -> Hits:
     index = np.full(shape, -1, np.int16) if detail else _NO_INDEX
     patch = np.empty(shape, np.int32) if detail else _NO_PATCHES
     place = np.empty((*shape, 2), np.float32) if detail else _NO_PLACES
-    for number, field in enumerate(fields.fields):
+    for number, field in _best_first(fields, camera):
         window = find_window(field, camera)
         if window[0] >= window[1] or window[2] >= window[3]:
             continue
         start = field.linear @ (camera.center - field.origin) + field.shift
         turn = field.linear @ camera.world_from_pixel
-        ldi_search.search_field(
-            start, turn, field.box, field.grid, field.front, field.nodes, field.meta, field.leaves, window,
-            depth, index, number, patch, place,
+        ldi_packets.search_tiles(
+            start, turn, field.box, field.grid, field.front, field.slopes, field.nodes, field.meta, *field.leaves,
+            window, depth, index, number, patch, place,
         )  # fmt: skip
     return Hits(depth, index, patch, place)
+
+
+def _best_first(fields: Fields, camera: Camera) -> list[tuple[int, Field]]:
+    """Return the fields that face the camera first: what they hit shortens the search of the others."""
+    facing = np.array([field.axis @ camera.R[2] for _, field in fields.fields])
+    return [fields.fields[k] for k in np.argsort(-facing, kind="stable")]
 
 
 def find_window(field: Field, camera: Camera) -> Array:
@@ -190,11 +197,14 @@ def shade_hits(fields: Fields, hits: Hits) -> Array:
     """Return the (H, W, 3) view-independent colour of `hits`, 0 where nothing is hit."""
     color = np.zeros((*hits.depth.shape, 3), np.float32)
     window = np.array([0, hits.depth.shape[1], 0, hits.depth.shape[0]])
-    for number, field in enumerate(fields.fields):
-        if len(field.leaves[1]):
-            ldi_shade.shade_patches(
-                hits.texture, number, hits.patch, hits.place, window, field.samples, field.color, color
-            )
+    done: set[int] = set()
+    for number, field in fields.fields:
+        if number in done:
+            continue
+        done.add(number)
+        where = (hits.texture, number, hits.patch, hits.place, window)
+        if len(field.samples):
+            ldi_shade.shade_patches(*where, field.samples, field.color, color)
         else:
-            ldi_shade.shade_heights(hits.texture, number, hits.patch, hits.place, window, field.color, color)
+            ldi_shade.shade_heights(*where, field.color, color)
     return color
