@@ -126,11 +126,9 @@ def _shots(root: Path) -> tuple[tuple[Shot, ...], Path | None]:
 
 def _headers(shots: tuple[Shot, ...]) -> list[ImageHeader]:
     """Headers of all photos; raises once for all that are missing or unreadable."""
-    twice = [file for file, count in Counter(shot.file for shot in shots).items() if count > 1]
-    if twice:
-        raise CaptureError(
-            f"{shots[0].image.parent}: photo {twice[0]} has {len(twice) + 1} or more poses; keep one each"
-        )
+    file, poses = Counter(shot.file for shot in shots).most_common(1)[0]
+    if poses > 1:
+        raise CaptureError(f"{shots[0].image.parent}: photo {file} has {poses} poses; keep one")
     missing = [shot for shot in shots if not shot.image.is_file()]
     if missing:
         raise MissingFileError(

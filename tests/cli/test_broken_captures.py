@@ -118,7 +118,7 @@ BROKEN = {
     "infinite pose": (lambda c: edit_pose(c, 6, "inf"), "the pose of 003.png holds NaN or infinity"),
     "zero quaternion": (lambda c: [edit_pose(c, i, "0") for i in range(1, 5)], "quaternion 0 0 0 0"),
     "photo of unknown camera": (lambda c: edit_pose(c, 8, "7"), "003.png names camera 7"),
-    "two poses for a photo": (lambda c: edit(c / IMAGES, " 001.png", " 000.png"), "photo 000.png has .* poses"),
+    "two poses for a photo": (lambda c: edit(c / IMAGES, " 001.png", " 000.png"), "photo 000.png has 2 poses"),
     "zero-byte PNG": (lambda c: (c / "images/002.png").write_bytes(b""), "002.png: cannot be read as an image"),
     "photo that is text": (lambda c: (c / "images/002.png").write_text("hello"), "002.png: cannot be read as an image"),
     "truncated PNG": (lambda c: truncate(c / "images/002.png"), r"002.png: .*damaged"),
