@@ -83,6 +83,10 @@ class MeshCaster:
         faces = np.ascontiguousarray(mesh.faces, dtype=np.uint32)
         self._scene.add_triangles(self._o3d.core.Tensor(vertices), self._o3d.core.Tensor(faces))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to other processes as the mesh; the tree over it is built again there."""
+        return MeshCaster, (self.mesh, self._threads)
+
     def _rays(self, origins: Array, directions: Array) -> Any:
         start = np.broadcast_to(np.asarray(origins, np.float64) - self._shift, np.shape(directions))
         return self._o3d.core.Tensor(np.concatenate([start, directions], axis=-1).astype(np.float32))
