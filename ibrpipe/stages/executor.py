@@ -29,6 +29,33 @@ class InlineExecutor(Executor):
         return future
 
 
+class SharingExecutor(Executor):
+    """Sends units to a Dask cluster, and what several units have in common only once to each worker."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._pool = client.get_executor()
+        self._seen: dict[int, tuple[Any, Any]] = {}  # id -> (argument, kept alive; where it is on the cluster)
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Run ``fn(*args, **kwargs)`` on a worker; arguments are pickled."""
+        future: Future[Any] = self._pool.submit(fn, *(self._shared(arg) for arg in args), **kwargs)
+        return future
+
+    def _shared(self, arg: Any) -> Any:
+        """Return `arg` the first time, and from then on a reference to one copy of it per worker."""
+        if arg is None or isinstance(arg, (bool, int, float, str, bytes)):
+            return arg
+        known = self._seen.get(id(arg))
+        if known is None:
+            self._seen[id(arg)] = (arg, None)
+            return arg
+        if known[1] is None:
+            known = (arg, self._client.scatter(arg, broadcast=True, hash=False))
+            self._seen[id(arg)] = known
+        return known[1]
+
+
 _CURRENT: ContextVar[Executor | None] = ContextVar("executor", default=None)
 
 
@@ -95,7 +122,7 @@ def _dask(address: str) -> Iterator[Executor]:
             f"no Dask scheduler answers at {address} ({error}); start one with: dask scheduler"
         ) from error
     try:
-        yield client.get_executor()
+        yield SharingExecutor(client)
     finally:
         client.close()
 

@@ -72,7 +72,7 @@ def test_dask_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_dask_client_gives_its_executor_and_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    closed = []
+    closed, scattered = [], []
     pool = ThreadPoolExecutor(1)
 
     class Client:
@@ -82,12 +82,20 @@ def test_dask_client_gives_its_executor_and_is_closed(monkeypatch: pytest.Monkey
         def get_executor(self) -> Executor:
             return pool
 
+        def scatter(self, value: object, broadcast: bool, hash: bool) -> object:
+            scattered.append(value)
+            return value
+
         def close(self) -> None:
             closed.append(self.address)
 
     monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=Client))
     with executor(dask="tcp://host:1") as chosen:
-        assert chosen is pool
-        assert current_executor().submit(square, 3).result()[0] == 9
+        assert chosen is current_executor()
+        assert chosen.submit(square, 3).result()[0] == 9
+        common, own = [1, 2], [[3], [4], [5]]
+        sums = [chosen.submit(lambda one, two: sum(one) + sum(two), common, each).result() for each in own]
+        assert sums == [6, 7, 8]
     assert closed == ["tcp://host:1"]
+    assert scattered == [common]
     pool.shutdown()
