@@ -126,9 +126,9 @@ def _shots(root: Path) -> tuple[tuple[Shot, ...], Path | None]:
 
 def _headers(shots: tuple[Shot, ...]) -> list[ImageHeader]:
     """Headers of all photos; raises once for all that are missing or unreadable."""
-    file, poses = Counter(shot.file for shot in shots).most_common(1)[0]
-    if poses > 1:
-        raise CaptureError(f"{shots[0].image.parent}: photo {file} has {poses} poses; keep one")
+    for file, poses in Counter(shot.file for shot in shots).most_common(1):
+        if poses > 1:
+            raise CaptureError(f"{shots[0].image.parent}: photo {file} has {poses} poses; keep one")
     missing = [shot for shot in shots if not shot.image.is_file()]
     if missing:
         raise MissingFileError(
