@@ -39,7 +39,7 @@ class OrbitSpec:
     elevation : degrees above the horizon
     azimuth : degrees of the first frame; 0 faces the side from which most photos were taken
     sweep : degrees travelled; 360 closes the circle
-    distance : from the middle, scene units; 0 = so far that the asset just fits
+    distance : from the middle, scene units; 0 = so far that the box around the asset just fits into every frame
     fov : vertical field of view in degrees
     width, height : pixels; 0 = those of the capture's first photo, else 640 x 480
     up : "x", "y", "z", "-x", "-y", "-z", or "auto" = from how the photos were held
@@ -110,24 +110,33 @@ def orbit(spec: OrbitSpec, bounds: tuple[Array, Array], photos: Sequence[Camera]
         They decide which way is up, where azimuth 0 is, and the default size.
     """
     low, high = (np.asarray(corner, np.float64) for corner in bounds)
-    middle, radius = 0.5 * (low + high), float(np.linalg.norm(high - low)) / 2.0
-    width = spec.width or (photos[0].width if photos else 640)
-    height = spec.height or (photos[0].height if photos else 480)
-    half = math.atan(math.tan(math.radians(spec.fov) / 2.0) * min(1.0, width / height))
-    distance = spec.distance or (radius or 1.0) / math.sin(half)
+    middle = 0.5 * (low + high)
     up = _up(spec.up, photos)
     front = _front(middle, up, photos)
     side = np.cross(up, front)
     steps = spec.frames if abs(spec.sweep) >= 360.0 else max(spec.frames - 1, 1)
     turns = np.radians(spec.azimuth + spec.sweep / steps * np.arange(spec.frames))
     rise = math.radians(spec.elevation)
-    eyes = middle + distance * (
-        math.cos(rise) * (np.cos(turns)[:, None] * front + np.sin(turns)[:, None] * side) + math.sin(rise) * up
-    )
-    return tuple(
-        (f"orbit_{index:04d}", Camera.look_at(eye, middle, _tilted(up, front, spec), spec.fov, width, height))
-        for index, eye in enumerate(eyes)
-    )
+    around = np.cos(turns)[:, None] * front + np.sin(turns)[:, None] * side
+    size = (spec.width or (photos[0].width if photos else 640), spec.height or (photos[0].height if photos else 480))
+
+    def look(distance: float) -> list[Camera]:
+        eyes = middle + distance * (math.cos(rise) * around + math.sin(rise) * up)
+        return [Camera.look_at(eye, middle, _tilted(up, front, spec), spec.fov, *size) for eye in eyes]
+
+    cameras = look(spec.distance or _fitting_distance(look(1.0), low, high))
+    return tuple((f"orbit_{index:04d}", camera) for index, camera in enumerate(cameras))
+
+
+def _fitting_distance(cameras: Sequence[Camera], low: Array, high: Array) -> float:
+    """Smallest distance at which cameras that look at a box's middle show all of it, with a margin of 5 percent."""
+    corners = np.stack(np.meshgrid(*zip(low, high)), axis=-1).reshape(-1, 3) - 0.5 * (low + high)
+    distance = 0.0
+    for camera in cameras:
+        local = corners @ camera.R.T
+        half = 0.95 * 0.5 * np.array([camera.width / camera.K[0, 0], camera.height / camera.K[1, 1]])
+        distance = max(distance, float((np.abs(local[:, :2]) / half - local[:, 2:]).max()))
+    return distance or 1.0
 
 
 def _tilted(up: Array, front: Array, spec: OrbitSpec) -> Array:

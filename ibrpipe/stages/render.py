@@ -13,12 +13,13 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-import ibrpipe
 from ibrpipe.config import StageConfig
+from ibrpipe.io.assets import read_asset
 from ibrpipe.io.images import write_exr, write_png
 from ibrpipe.io.paths import CameraPath, is_orbit, parse_orbit
 from ibrpipe.io.views import read_views
 from ibrpipe.progress import track
+from ibrpipe.renderers.api import prepare, render, renderers
 from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.video import write_video
 from ibrpipe.stages.viewpoints import camera_path
@@ -91,7 +92,7 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
     ConfigError, MissingFileError
         The camera path does not exist or is empty.
     """
-    asset = ibrpipe.read_asset(inputs.asset)
+    asset = read_asset(inputs.asset)
     path = camera_path(config.path, asset, read_views(inputs.views))
     path = tuple((name, _sized(camera, config.width, config.height)) for name, camera in path)
     frames: list[dict[str, Any]] = []
@@ -122,18 +123,16 @@ def _render_all(
     asset: Asset, path: CameraPath, renderer: str, folder: Path, config: RenderConfig
 ) -> list[dict[str, Any]]:
     """Render and write all frames of one renderer; return their entries of frames.json."""
-    prepared = ibrpipe.prepare(asset, renderer)
-    takes_residuals = "residuals" in ibrpipe.renderers()[renderer]["options"]
+    prepared = prepare(asset, renderer)
+    takes_residuals = "residuals" in renderers()[renderer]["options"]
     options: dict[str, Any] = {"residuals": config.residuals} if takes_residuals else {}
-    ibrpipe.render(
-        prepared, path[0][1].resized(8, 8), renderer, config.outputs, **options
-    )  # compiles, outside the timer
+    render(prepared, path[0][1].resized(8, 8), renderer, config.outputs, **options)  # compiles, outside the timer
     entries = []
     for name, camera in track(path, f"render {renderer}"):
         milliseconds = []
         for _ in range(config.repeats):
             began = perf_counter()
-            frame = ibrpipe.render(prepared, camera, renderer, config.outputs, **options)
+            frame = render(prepared, camera, renderer, config.outputs, **options)
             milliseconds.append(1e3 * (perf_counter() - began))
         files = _write_frame(frame, folder / name)
         entries.append(_entry(name, renderer, camera, frame, files, median(milliseconds)))
@@ -183,5 +182,5 @@ STAGE = Stage(
     config=RenderConfig,
     run=run,
     needs=("ingest", "asset"),
-    example="ibrpipe render --asset runs/vase/asset --views runs/vase/ingest/views.json --out frames --path orbit",
+    example="ibrpipe render --out runs/vase --path orbit:frames=96,elevation=25 --video",
 )

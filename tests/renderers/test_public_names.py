@@ -20,8 +20,6 @@ def test_renderers_can_be_called_whatever_was_imported_before(before: str) -> No
 
 @pytest.mark.parametrize("name", ibrpipe.__all__)
 def test_every_public_name_exists(name: str) -> None:
-    if name in ("read_asset", "write_asset"):
-        pytest.importorskip("ibrpipe.io.assets", reason="assets are not readable yet")
     assert getattr(ibrpipe, name) is not None
 
 
