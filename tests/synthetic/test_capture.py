@@ -74,6 +74,7 @@ def test_same_seed_same_bytes_other_seed_other_photos(tmp_path: Path) -> None:
     other = files(write_capture("glossy", tmp_path / "c", noisy.model_copy(update={"seed": 1})))
     assert other.keys() == first.keys()
     assert other["images/000.png"] != first["images/000.png"]
+    assert other["sparse/0/images.txt"] != first["sparse/0/images.txt"]
     assert other["mesh.ply"] == first["mesh.ply"]
 
 

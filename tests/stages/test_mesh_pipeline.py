@@ -1,0 +1,17 @@
+"""pipelines/mesh.yaml says that its values are the defaults: they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ibrpipe.stages.pipeline import load_pipeline
+from ibrpipe.stages.registry import STAGES, load_stage
+
+MESH = load_pipeline(Path("mesh"))
+
+
+@pytest.mark.parametrize("stage", list(STAGES))
+def test_the_values_of_the_mesh_pipeline_are_the_defaults(stage: str) -> None:
+    assert MESH.configs[stage] == load_stage(stage).config()
