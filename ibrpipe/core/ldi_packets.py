@@ -16,7 +16,7 @@ from numba import prange
 from ibrpipe.core import ldi_lanes as lanes
 from ibrpipe.core.jit import helper, kernel
 from ibrpipe.core.ldi_beam import walk_beam
-from ibrpipe.core.ldi_search import meet_cell, walk_ray
+from ibrpipe.core.ldi_search import OVERLAP, meet_cell, walk_ray
 from ibrpipe.core.rays import clip_box, clip_tile, depth_at
 
 SIDE = 8
@@ -98,8 +98,9 @@ def set_lane(f, n, pixel, exact, columns, rows, grid, level, t):
 
 
 @helper
-def record_hit(x, y, hit, patch, i, j, exact, pixel, number, best, index, patches, places):
-    # keep the hit at parameter `hit` of pixel (x, y)'s ray in patch `patch`, cell (i, j), if it is the nearest so far
+def record_hit(corner, hit, patch, i, j, exact, pixel, number, best, index, patches, places):
+    # keep the hit at parameter `hit` of the pixel's ray in patch `patch`, cell (i, j), if it is the nearest so far
+    x, y = corner[0] + (pixel & (SIDE - 1)), corner[1] + pixel // SIDE
     t = np.float32(
         depth_at(min(max(hit, 0.0), 1.0), exact[6, pixel], exact[7, pixel], exact[8, pixel], exact[9, pixel])
     )
@@ -114,75 +115,50 @@ def record_hit(x, y, hit, patch, i, j, exact, pixel, number, best, index, patche
 
 
 @helper
+def walk_exactly(
+    pixel, exact, corner, grid, height, cells, corners, masks, nodes, meta, columns, rows, front,
+    number, best, index, patches, places,
+):  # fmt: skip
+    # walk one pixel's ray in float64
+    hit, patch, i, j = walk_ray(
+        nodes, meta, height, cells, corners, masks, columns, rows, grid,
+        exact[0, pixel], exact[1, pixel], exact[2, pixel], exact[3, pixel], exact[4, pixel], exact[5, pixel],
+        exact[6, pixel], front,
+    )  # fmt: skip
+    if hit < np.inf:
+        record_hit(corner, hit, patch, i, j, exact, pixel, number, best, index, patches, places)
+
+
+@helper
 def meet_waiting(
-    f,
-    n,
-    exact,
-    corner,
-    height,
-    cells,
-    corners,
-    masks,
-    columns,
-    front,
-    top,
-    last_u,
-    last_v,
-    number,
-    best,
-    index,
-    patches,
-    places,
-):
-    # the lanes that wait before a cell meet its surface or step over it
+    f, n, exact, corner, grid, height, cells, corners, masks, nodes, meta, columns, rows, front,
+    number, best, index, patches, places,
+):  # fmt: skip
+    # the lanes that wait before a cell meet its surface or step over it; a hit so near the cell's border that float32
+    # cannot tell on which side it lies is left to the exact walk
+    top, last_u, last_v = np.float32(len(meta) - 1), np.float32(columns - 1), np.float32(rows - 1)
+    doubt = STILL + 3e-7 * max(columns, rows)
     for k in range(n):
         if f[LE + k] != WAITING:
             continue
         pixel, i, j = int(f[ID + k]), int(f[CI + k]), int(f[CJ + k])
         hit, patch = meet_cell(
             height, cells, corners, masks, i, j, columns,
-            exact[0, pixel], exact[1, pixel], exact[2, pixel], exact[3, pixel], exact[4, pixel], exact[5, pixel], front,
+            exact[0, pixel], exact[1, pixel], exact[2, pixel], exact[3, pixel], exact[4, pixel], exact[5, pixel],
+            exact[6, pixel], front, doubt,
         )  # fmt: skip
-        if hit < np.inf:
-            f[LE + k] = DONE
-            x, y = corner[0] + (pixel & (SIDE - 1)), corner[1] + pixel // SIDE
-            record_hit(x, y, hit, patch, i, j, exact, pixel, number, best, index, patches, places)
-        else:
+        if not hit < np.inf:
             lanes.pass_cell(f, k, top, last_u, last_v)
-
-
-@helper
-def walk_exactly(
-    f,
-    n,
-    exact,
-    corner,
-    grid,
-    height,
-    cells,
-    corners,
-    masks,
-    nodes,
-    meta,
-    columns,
-    rows,
-    front,
-    number,
-    best,
-    index,
-    patches,
-    places,
-):
-    # walk the lanes that are left in float64
-    for k in range(n):
-        pixel = int(f[ID + k])
-        hit, patch, i, j = walk_ray(
-            nodes, meta, height, cells, corners, masks, columns, rows, grid,
-            exact[0, pixel], exact[1, pixel], exact[2, pixel], exact[3, pixel], exact[4, pixel], exact[5, pixel], front,
-        )  # fmt: skip
-        if hit < np.inf:
-            x, y = corner[0] + (pixel & (SIDE - 1)), corner[1] + pixel // SIDE
-            record_hit(x, y, hit, patch, i, j, exact, pixel, number, best, index, patches, places)
+            continue
+        f[LE + k] = DONE
+        p, q = exact[0, pixel] + hit * exact[3, pixel] - i, exact[1, pixel] + hit * exact[4, pixel] - j
+        if min(p, q) < -OVERLAP or max(p, q) > 1.0 + OVERLAP:
+            walk_exactly(
+                pixel, exact, corner, grid, height, cells, corners, masks, nodes, meta, columns, rows, front,
+                number, best, index, patches, places,
+            )  # fmt: skip
+        else:
+            record_hit(corner, hit, patch, i, j, exact, pixel, number, best, index, patches, places)
 
 
 @helper
@@ -235,35 +211,17 @@ def search_tile(
         lanes.choose_moves(f, n, highest, last_u, last_v)
         if lanes.count_level(f, n, WAITING) > 0:
             meet_waiting(
-                f, n, exact, corner, height, cells, corners, masks, columns, front, highest, last_u, last_v,
+                f, n, exact, corner, grid, height, cells, corners, masks, nodes, meta, columns, rows, front,
                 number, best, index, patches, places,
             )  # fmt: skip
         if 2 * lanes.count_level(f, n, DONE) >= n:
             n = lanes.drop_done(f, n)
         patience -= 1
-    if n > 0:
-        n = lanes.drop_done(f, n)
+    for k in range(lanes.drop_done(f, n)):
         walk_exactly(
-            f,
-            n,
-            exact,
-            corner,
-            grid,
-            height,
-            cells,
-            corners,
-            masks,
-            nodes,
-            meta,
-            columns,
-            rows,
-            front,
-            number,
-            best,
-            index,
-            patches,
-            places,
-        )
+            int(f[ID + k]), exact, corner, grid, height, cells, corners, masks, nodes, meta, columns, rows, front,
+            number, best, index, patches, places,
+        )  # fmt: skip
 
 
 @kernel

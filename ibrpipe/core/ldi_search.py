@@ -20,11 +20,11 @@ OVERLAP = 1e-9
 
 
 @helper
-def accept_root(s, slope, front, mask, p, q):
-    # p, q: place in the cell at the root
-    if not (-OVERLAP <= s <= 1.0 + OVERLAP) or (front and slope <= 0.0):
+def accept_root(s, least, slope, front, mask, p, q, slack):
+    # least: least s that counts; p, q: place in the cell at the root, which may lie `slack` outside
+    if not (least <= s <= 1.0 + OVERLAP) or (front and slope <= 0.0):
         return False
-    if not (-OVERLAP <= p <= 1.0 + OVERLAP and -OVERLAP <= q <= 1.0 + OVERLAP):
+    if not (-slack <= p <= 1.0 + slack and -slack <= q <= 1.0 + slack):
         return False
     if mask == 15:
         return True
@@ -33,7 +33,7 @@ def accept_root(s, slope, front, mask, p, q):
 
 
 @helper
-def meet_patch(a, b, c, e, mask, p, q, d, dp, dq, dd, front):
+def meet_patch(a, b, c, e, mask, p, q, d, dp, dq, dd, least, front, slack):
     # patch corner depths a (0, 0), b (1, 0), c (0, 1), e (1, 1); ray (p, q, d) + s (dp, dq, dd) -> nearest s or inf
     twist = a - b - c + e
     A = -twist * dp * dq
@@ -43,37 +43,40 @@ def meet_patch(a, b, c, e, mask, p, q, d, dp, dq, dd, front):
     if square < 0.0:
         return np.inf
     w = -0.5 * (B + math.copysign(math.sqrt(square), B))
-    first = C / w if w != 0.0 else (0.0 if C == 0.0 else np.inf)
+    first = C / w if w != 0.0 else np.inf  # a ray inside the surface never crosses it
     second = w / A if A != 0.0 else np.inf
     if second < first:
         first, second = second, first
-    if accept_root(first, 2.0 * A * first + B, front, mask, p + first * dp, q + first * dq):
+    if accept_root(first, least, 2.0 * A * first + B, front, mask, p + first * dp, q + first * dq, slack):
         return first
-    if accept_root(second, 2.0 * A * second + B, front, mask, p + second * dp, q + second * dq):
+    if accept_root(second, least, 2.0 * A * second + B, front, mask, p + second * dp, q + second * dq, slack):
         return second
     return np.inf
 
 
 @helper
-def meet_cell(height, cells, corners, masks, column, row, columns, u, v, d, du, dv, dd, front):
-    # nearest (s, patch) in the cell, s = inf if none; height, cells, corners, masks: see renderers.fields.Field
+def meet_cell(height, cells, corners, masks, column, row, columns, u, v, d, du, dv, dd, near, front, slack):
+    # nearest (s, patch) in the cell, s = inf if none; near: camera depth at s = 0, where the eye itself is no hit;
+    # height, cells, corners, masks: see renderers.fields.Field
     p, q = u - column, v - row
+    least = -OVERLAP if near > 0.0 else OVERLAP
     patch = row * columns + column
     if cells.shape[0] == 0:
         a, b = float(height[row, column]), float(height[row, column + 1])
         c, e = float(height[row + 1, column]), float(height[row + 1, column + 1])
-        return meet_patch(a, b, c, e, 15, p, q, d, du, dv, dd, front), patch
+        return meet_patch(a, b, c, e, 15, p, q, d, du, dv, dd, least, front, slack), patch
     patch = np.int64(cells[patch])
     if patch < 0:
         return np.inf, patch
     a, b = float(corners[patch, 0]), float(corners[patch, 1])
     c, e = float(corners[patch, 2]), float(corners[patch, 3])
-    return meet_patch(a, b, c, e, masks[patch], p, q, d, du, dv, dd, front), patch
+    return meet_patch(a, b, c, e, masks[patch], p, q, d, du, dv, dd, least, front, slack), patch
 
 
 @helper
-def walk_ray(nodes, meta, height, cells, corners, masks, columns, rows, grid, u, v, d, du, dv, dd, front):
-    # grid = (lowest depth, steps per depth); ray from s = 0 to 1 -> (s, patch, column, row); s = inf for a miss
+def walk_ray(nodes, meta, height, cells, corners, masks, columns, rows, grid, u, v, d, du, dv, dd, near_t, front):
+    # grid = (lowest depth, steps per depth); ray from s = 0 to 1 -> (s, patch, column, row); s = inf for a miss;
+    # near_t: as near in meet_cell
     low, scale = grid
     right, below = (1 if du > 0.0 else 0), (1 if dv > 0.0 else 0)
     i, j = min(max(int(u), 0), columns - 1), min(max(int(v), 0), rows - 1)
@@ -92,7 +95,9 @@ def walk_ray(nodes, meta, height, cells, corners, masks, columns, rows, grid, u,
             if level > 0:
                 level -= 1
                 continue
-            hit, patch = meet_cell(height, cells, corners, masks, i, j, columns, u, v, d, du, dv, dd, front)
+            hit, patch = meet_cell(
+                height, cells, corners, masks, i, j, columns, u, v, d, du, dv, dd, near_t, front, OVERLAP
+            )
             if hit < np.inf:
                 return hit, patch, i, j
         if leave >= 1.0:

@@ -63,32 +63,51 @@ def link_samples(offsets, depth, step, margin, gap, out):
 
 
 @helper
-def walk_group(links, sample, ring, members):
-    # members (4,) i32 by ring position: the samples linked with `sample`, which stands at ring position `ring`
-    members[:] = -1
+def walk_on(links, sample, ring, members):
+    # members[ring:] become the chain from `sample` on along the edges 0-1, 1-3, 3-2 -> last ring position reached
     members[ring] = sample
-    current, place = sample, ring
-    for _ in range(3):
-        current, place = links[place, current], (place + 1) % 4
-        if current < 0:
-            break
-        members[place] = current
-    current, place = sample, ring
-    for _ in range(3):
-        current, place = links[(place + 1) % 4, current], (place + 3) % 4
-        if current < 0 or members[place] >= 0:
-            break
-        members[place] = current
+    while ring < 3 and links[ring, members[ring]] >= 0:
+        members[ring + 1] = links[ring, members[ring]]
+        ring += 1
+    return ring
+
+
+@helper
+def walk_back(links, sample, members):
+    # members[:4] become the chain that ends with `sample` at ring position 3 -> first ring position reached
+    ring = 3
+    members[ring] = sample
+    while ring > 0 and links[(ring + 1) % 4, members[ring]] >= 0:
+        members[ring - 1] = links[(ring + 1) % 4, members[ring]]
+        ring -= 1
+    return ring
+
+
+@helper
+def find_group(links, sample, ring, members, other):
+    # members (4,) i32 by ring position: the group that begins with `sample`, -1 = none; False if none begins there.
+    # Chains run along the edges 0-1, 1-3, 3-2; the edge 0-2 joins two chains unless both have a sample of one corner
+    members[:] = -1
+    if ring > 0 and links[(ring + 1) % 4, sample] >= 0:
+        return False
+    last = walk_on(links, sample, ring, members)
+    if ring == 0 and last < 3 and links[1, sample] >= 0:
+        first = walk_back(links, links[1, sample], other)
+        if first > last:
+            members[first:] = other[first:]
+    if ring > 0 and last == 3 and links[3, members[3]] >= 0:
+        return walk_on(links, links[3, members[3]], 0, other) >= ring
+    return True
 
 
 @kernel
-def walk_cells(offsets, links, starts, marks, out_counts, out_samples):
-    # marks (2, S) u8 zeros (bit 0: left corner done, bit 1: right); out_counts (H + 1, W + 1) i32 patches per cell;
-    # out_samples (P, 4) i32 by corner, filled from starts (cells + 1,) i64 unless it is empty
+def group_cells(offsets, links, starts, out_counts, out_samples):
+    # out_counts (H + 1, W + 1) i32 patches per cell; out_samples (P, 4) i32 by corner, filled from starts (cells + 1,)
+    # i64 on unless it is empty
     rows, columns = offsets.shape[0], offsets.shape[1] - 1
     for cell_row in prange(rows + 1):
         r = np.int64(cell_row)  # prange counts unsigned
-        members = np.empty(4, np.int32)
+        members, other = np.empty(4, np.int32), np.empty(4, np.int32)
         for c in range(columns + 1):
             count = 0
             for ring in range(4):
@@ -96,15 +115,9 @@ def walk_cells(offsets, links, starts, marks, out_counts, out_samples):
                 x = c if ring == 1 or ring == 2 else c - 1
                 if y < 0 or x < 0 or y >= rows or x >= columns:
                     continue
-                half, bit = (0 if ring < 2 else 1), (2 if ring == 1 or ring == 2 else 1)
                 for sample in range(offsets[y, x], offsets[y, x + 1]):
-                    if marks[half, sample] & bit:
+                    if not find_group(links, sample, ring, members, other):
                         continue
-                    walk_group(links, sample, ring, members)
-                    for place in range(4):
-                        if members[place] >= 0:
-                            row, flag = (0 if place < 2 else 1), (2 if place == 1 or place == 2 else 1)
-                            marks[row, members[place]] |= flag
                     if out_samples.shape[0] > 0:
                         patch = starts[r * (columns + 1) + c] + count
                         out_samples[patch, 0], out_samples[patch, 1] = members[0], members[1]

@@ -214,13 +214,10 @@ def _patches(layers: LayeredDepthImage, depth: Array, step: Array, margin: Array
     links = np.full((4, len(depth)), -1, np.int32)
     patches.link_samples(layers.offsets, depth, step, margin, gap, links)
     counts = np.empty((rows + 1, columns + 1), np.int32)
-    marks, none = np.zeros((2, len(depth)), np.uint8), np.empty((0, 4), np.int32)
-    patches.walk_cells(layers.offsets, links, np.empty(0, np.int64), marks, counts, none)
+    patches.group_cells(layers.offsets, links, np.empty(0, np.int64), counts, np.empty((0, 4), np.int32))
     starts = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
     samples = np.empty((int(starts[-1]), 4), np.int32)
-    if len(samples):
-        marks[:] = 0
-        patches.walk_cells(layers.offsets, links, starts, marks, counts, samples)
+    patches.group_cells(layers.offsets, links, starts, counts, samples)
     return samples, np.repeat(np.arange(counts.size), counts.ravel())
 
 
