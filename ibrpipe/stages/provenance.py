@@ -64,17 +64,33 @@ def code_digest(module: str) -> str:
 @cache
 def _sources(module: str) -> tuple[Path, ...]:
     """Return a module's file; of a package also the files in it that are no Python (templates, tables)."""
-    try:
-        spec = find_spec(module)
-    except (ModuleNotFoundError, ValueError):
+    origin = _file(module)
+    if origin is None:
         return ()
-    if spec is None or spec.origin is None or not Path(spec.origin).is_file():
-        return ()
-    origin = Path(spec.origin)
     if origin.name != "__init__.py":
         return (origin,)
     others = (path for path in origin.parent.iterdir() if path.is_file() and path.suffix not in {".py", ".pyc"})
     return (origin, *sorted(others))
+
+
+@cache
+def _file(module: str) -> Path | None:
+    """Return the source file of a module, found without importing it; None where there is none."""
+    top, *rest = module.split(".")
+    start = _top_file(top)
+    if start is None or not rest:
+        return start
+    path = start.parent.joinpath(*rest)
+    return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
+
+
+@cache
+def _top_file(name: str) -> Path | None:
+    try:
+        spec = find_spec(name)
+    except ValueError:
+        return None
+    return Path(spec.origin) if spec is not None and spec.origin and Path(spec.origin).is_file() else None
 
 
 @cache
@@ -94,21 +110,13 @@ def _named(node: ast.AST, top: str) -> Iterator[str]:
     elif isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] == top:
         yield node.module
         for alias in node.names:
-            if _is_module(f"{node.module}.{alias.name}"):
+            if _file(f"{node.module}.{alias.name}"):
                 yield f"{node.module}.{alias.name}"
     elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _DOTTED.fullmatch(node.value):
         name = node.value.partition(":")[0]
         for candidate in (name, f"{top}.{name}"):
-            if candidate.partition(".")[0] == top and _is_module(candidate):
+            if candidate.partition(".")[0] == top and _file(candidate):
                 yield candidate
-
-
-@cache
-def _is_module(name: str) -> bool:
-    try:
-        return find_spec(name) is not None
-    except ModuleNotFoundError:
-        return False
 
 
 @dataclass
