@@ -80,6 +80,11 @@ def inlined(function: Callable[..., Any]) -> Any:
     return _compile(function, inline="always")
 
 
+def fused(function: Callable[..., Any]) -> Any:
+    """Compile a function whose machine code is always merged into its callers (many arrays, hot loops)."""
+    return _compile(function, forceinline=True)
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a loop over rows that runs on all threads."""
     return _compile(function, parallel=True)
