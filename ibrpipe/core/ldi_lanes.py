@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ibrpipe.core.jit import helper
+from ibrpipe.core.jit import fused, helper
 
 LANES = 64
 GROUP = 8  # lanes that a loop takes at a time; lanes between the number in use and the next multiple must be done
@@ -120,7 +120,7 @@ def count_level(f, n, level):
     return int(count)
 
 
-@helper
+@fused
 def pass_cell(f, k, top, last_u, last_v):
     # lane k, which waited before a cell, has missed its surface: step over the cell
     outside = f[NI + k] < ZERO or f[NJ + k] < ZERO or f[NI + k] > last_u or f[NJ + k] > last_v

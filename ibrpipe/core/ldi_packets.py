@@ -14,7 +14,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core import ldi_lanes as lanes
-from ibrpipe.core.jit import helper, kernel
+from ibrpipe.core.jit import fused, helper, kernel
 from ibrpipe.core.ldi_beam import walk_beam
 from ibrpipe.core.ldi_search import OVERLAP, meet_cell, walk_ray
 from ibrpipe.core.rays import clip_box, clip_tile, depth_at
@@ -61,7 +61,7 @@ def farthest(corner, best):
     return float(far)
 
 
-@helper
+@fused
 def shorten(exact, pixel, far):
     # end a parallel frame's clipped ray at depth `far` -> whether anything is left of it
     near, end = exact[6, pixel], exact[7, pixel]
@@ -76,14 +76,14 @@ def shorten(exact, pixel, far):
     return True
 
 
-@helper
+@fused
 def may_rise(exact, pixel, slopes):
     # whether the ray can pass any surface of the field from its front
     du, dv, dd = exact[3, pixel], exact[4, pixel], exact[5, pixel]
     return dd - min(slopes[0] * du, slopes[1] * du) - min(slopes[2] * dv, slopes[3] * dv) > 0.0
 
 
-@helper
+@fused
 def set_lane(f, n, pixel, exact, columns, rows, grid, level, t):
     # lane n becomes `pixel`'s ray (10,), starting at camera depth t (parallel frames) and level `level`
     s = max((t - exact[6, pixel]) / (exact[7, pixel] - exact[6, pixel]), 0.0) if t > exact[6, pixel] else 0.0
@@ -97,7 +97,7 @@ def set_lane(f, n, pixel, exact, columns, rows, grid, level, t):
     f[S + n], f[LE + n], f[SZ + n], f[ID + n] = s, level, 1 << level, pixel
 
 
-@helper
+@fused
 def record_hit(corner, hit, patch, i, j, exact, pixel, number, best, index, patches, places):
     # keep the hit at parameter `hit` of the pixel's ray in patch `patch`, cell (i, j), if it is the nearest so far
     x, y = corner[0] + (pixel & (SIDE - 1)), corner[1] + pixel // SIDE
@@ -129,7 +129,7 @@ def walk_exactly(
         record_hit(corner, hit, patch, i, j, exact, pixel, number, best, index, patches, places)
 
 
-@helper
+@fused
 def meet_waiting(
     f, n, exact, corner, grid, height, cells, corners, masks, nodes, meta, columns, rows, front,
     number, best, index, patches, places,

@@ -13,13 +13,13 @@ import math
 
 import numpy as np
 
-from ibrpipe.core.jit import helper
+from ibrpipe.core.jit import fused, helper
 
 #: how far, in cells or ray lengths, a root may lie outside its cell
 OVERLAP = 1e-9
 
 
-@helper
+@fused
 def accept_root(s, least, slope, front, mask, p, q, slack):
     # least: least s that counts; p, q: place in the cell at the root, which may lie `slack` outside
     if not (least <= s <= 1.0 + OVERLAP) or (front and slope <= 0.0):
@@ -32,7 +32,7 @@ def accept_root(s, least, slope, front, mask, p, q, slack):
     return corner != 0
 
 
-@helper
+@fused
 def meet_patch(a, b, c, e, mask, p, q, d, dp, dq, dd, least, front, slack):
     # patch corner depths a (0, 0), b (1, 0), c (0, 1), e (1, 1); ray (p, q, d) + s (dp, dq, dd) -> nearest s or inf
     twist = a - b - c + e
@@ -54,7 +54,7 @@ def meet_patch(a, b, c, e, mask, p, q, d, dp, dq, dd, least, front, slack):
     return np.inf
 
 
-@helper
+@fused
 def meet_cell(height, cells, corners, masks, column, row, columns, u, v, d, du, dv, dd, near, front, slack):
     # nearest (s, patch) in the cell, s = inf if none; near: camera depth at s = 0, where the eye itself is no hit;
     # height, cells, corners, masks: see renderers.fields.Field
