@@ -107,9 +107,9 @@ def residual_at(sx, sy, sz, directions, sizes, starts, texels, zero, scale, indi
             if texels[texel, 3] == 0:
                 continue
             part = w * (fx if right else 1.0 - fx) * (fy if below else 1.0 - fy)
-            total[0] += part * (float(texels[texel, 0]) - zero)
-            total[1] += part * (float(texels[texel, 1]) - zero)
-            total[2] += part * (float(texels[texel, 2]) - zero)
+            total[0] += part * (float(texels[texel, 0]) - zero[i])
+            total[1] += part * (float(texels[texel, 1]) - zero[i])
+            total[2] += part * (float(texels[texel, 2]) - zero[i])
             total[3] += part
 
 
@@ -126,7 +126,7 @@ def shade(
     # color (H, W, 3) f32 linear, in and out; depth (H, W) f32 along camera z; eye (3,), world_from_pixel (3, 3) f64
     # rotations (T, 3, 3) f64 rows a, b, -f; origins (T, 3); scales (T, 2) 1 / edge length
     # alphas (D,) f64 of all textures; image_ranges (T + 1,) i64; directions (D, 3), sizes (D, 2) i32, starts (D + 1,)
-    # texels (N, 4) u8 or f32, last = valid; coded: residuals are differences in display code
+    # texels (N, 4) u8 or f32, last = valid; zero (D,) f64 code of nothing; coded: residuals are in display code
     # encode (E,) f32: display code of linear i / (E - 1); lost (H,) i64: hit pixels that found no residual
     height, width = depth.shape
     textures = len(origins)

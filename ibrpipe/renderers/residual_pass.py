@@ -10,6 +10,7 @@ import numpy as np
 from ibrpipe.core import spiral
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.core.spiral_lookup import shade
+from ibrpipe.errors import RendererError
 from ibrpipe.types import Array, Camera, SpiralResiduals, SpiralTexture
 
 #: entries of the table from linear light (by its square root) to display code
@@ -18,22 +19,32 @@ CODES = 4096
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """Residuals of all textures, joined for one kernel call; groups are coded (8-bit) and linear residuals."""
+    """Residuals of all textures, joined for one kernel call; `coded` = differences of display codes, else of light."""
 
-    groups: tuple[tuple[bool, tuple[Array, ...], float], ...]
+    arrays: tuple[Array, ...]
+    coded: bool
     encode: Array
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held beyond the textures."""
+        return sum(array.nbytes for array in (*self.arrays, self.encode))
 
 
 def prepare(textures: Sequence[object]) -> Tables:
-    """Join the residuals of all spiral textures."""
+    """Join the residuals of all spiral textures.
+
+    Raises
+    ------
+    RendererError
+        Some textures hold 8-bit residuals and others linear ones.
+    """
     found = [t.residuals for t in textures if isinstance(t, SpiralTexture) and t.residuals is not None]
-    groups = []
-    for dtype in (np.uint8, np.float32):
-        members = [r for r in found if r.texels.dtype == dtype]
-        for zero in sorted({r.zero for r in members}):
-            groups.append((dtype == np.uint8, _join([r for r in members if r.zero == zero]), float(zero)))
+    kinds = {r.texels.dtype for r in found}
+    if len(kinds) > 1:
+        raise RendererError("some textures hold 8-bit residuals and others linear ones; encode them alike")
     encode = srgb_encode((np.arange(CODES) / (CODES - 1)) ** 2).astype(np.float32)
-    return Tables(tuple(groups), encode)
+    return Tables(_join(found), kinds == {np.dtype(np.uint8)}, encode)
 
 
 def _join(members: Sequence[SpiralResiduals]) -> tuple[Array, ...]:
@@ -58,6 +69,7 @@ def _join(members: Sequence[SpiralResiduals]) -> tuple[Array, ...]:
         np.concatenate([r.sizes for r in members]).astype(np.int32),
         np.concatenate([*starts, first[-1:]]),
         np.concatenate([_packed(r) for r in members]),
+        np.concatenate([np.full(len(r.alphas), float(r.zero)) for r in members]),
     )
 
 
@@ -82,6 +94,5 @@ def add(tables: Tables, color: Array, depth: Array, texture: Array, camera: Came
     """
     lost = np.zeros(len(depth), np.int64)
     pose = camera.center, np.ascontiguousarray(camera.world_from_pixel)
-    for coded, arrays, zero in tables.groups:
-        shade(color, depth, *pose, *arrays, zero, coded, tables.encode, lost)
+    shade(color, depth, *pose, *tables.arrays, tables.coded, tables.encode, lost)
     return int(lost.sum())
