@@ -25,10 +25,11 @@ class SurfaceSample:
 
 @dataclass(frozen=True)
 class Appearance:
-    """How well photos are predicted from the others; mean squares in display code (0 to 1) over `blocks` of 4 x 4 pixels.
+    """How well photos are predicted from the others; mean squares in display code (0 to 1) over blocks of 4 x 4 pixels.
 
     Attributes
     ----------
+    blocks : number of blocks
     diffuse : left-out photo minus diffuse colour
     predicted : view-dependent prediction minus diffuse colour
     common : product of the two
@@ -43,8 +44,8 @@ class Appearance:
     def share(self) -> float:
         """How much of the predicted view dependence is best added (0 to 1).
 
-        Leaving a photo out doubles the angle to the next one, so the prediction is right in part even where the finished
-        residuals, made from all photos, will be right altogether.
+        Leaving a photo out doubles the angle to the next one, so the prediction is right in part even where the
+        finished residuals, made from all photos, will be right altogether.
         """
         return float(np.clip(self.common / self.predicted, 0, 1)) if self.predicted > 0 else 0.0
 
@@ -55,7 +56,7 @@ class Appearance:
 
     @property
     def gain(self) -> float:
-        """How much better left-out photos are predicted by adding that share, in dB; errors below half a code are none."""
+        """How much better left-out photos are predicted by adding that share, dB; errors below half a code are none."""
         floor = (0.5 / 255) ** 2
         return float(10 * np.log10((self.diffuse + floor) / (self.remaining + floor)))
 
@@ -122,8 +123,8 @@ def appearance(
     """Leave photos out one by one and predict them from the others, diffuse and view-dependent; one result a texture.
 
     Pixels are taken in blocks of 4 x 4 and averaged before anything is compared, so that noise and blur of fine texture
-    do not pass for view dependence. A block counts for the texture that faces its surface best. About 600 blocks of each
-    left-out photo are taken.
+    do not pass for view dependence. A block counts for the texture that faces its surface best. About 600 blocks of
+    each left-out photo are taken.
     """
     rng = np.random.default_rng(seed)
     chosen = np.unique(np.linspace(0, len(photos.cameras) - 1, most_photos).round().astype(int))
