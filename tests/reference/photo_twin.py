@@ -1,0 +1,165 @@
+"""Slow plain twins of what photos say about a surface point: visibility, diffuse colour, blend of the best four."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Photo:
+    """One photo: its camera, colour (H, W, 3), depth (H, W) and mask (H, W)."""
+
+    camera: object
+    color: np.ndarray
+    depth: np.ndarray
+    mask: np.ndarray
+
+
+def packed(photos):
+    """(projection, centers, sizes, starts, color, depth, mask) as the kernels take them."""
+    areas = [photo.depth.size for photo in photos]
+    return (
+        np.stack([p.camera.K @ p.camera.cam_from_world for p in photos]),
+        np.stack([p.camera.center for p in photos]),
+        np.array([p.depth.shape for p in photos], np.int32),
+        np.concatenate([[0], np.cumsum(areas)]).astype(np.int64),
+        np.concatenate([p.color.reshape(-1, 3) for p in photos]).astype(np.float32),
+        np.concatenate([p.depth.ravel() for p in photos]).astype(np.float32),
+        np.concatenate([p.mask.ravel() for p in photos]).astype(np.float32),
+    )
+
+
+def seen_color(photo, point, normal, cos_min, slack):
+    """("hidden" | "usable" | "clean", colour): how a photo sees a point, from the pixels that show its surface."""
+    camera = photo.camera
+    height, width = photo.depth.shape
+    local = camera.R @ point + camera.t
+    if local[2] <= 0:
+        return "hidden", None
+    x, y = (camera.K @ local)[:2] / local[2] - 0.5
+    if not (0 <= x <= width - 1 and 0 <= y <= height - 1):
+        return "hidden", None
+    away = camera.center - point
+    cosine = float(normal @ away / np.linalg.norm(away))
+    if cosine < cos_min:
+        return "hidden", None
+    tolerance = slack * local[2] / camera.K[0, 0] / max(cosine, 0.05)
+    left, top = min(math.floor(x), max(width - 2, 0)), min(math.floor(y), max(height - 2, 0))
+    total, color, clean = 0.0, np.zeros(3), True
+    for row in (top, min(top + 1, height - 1)):
+        for column in (left, min(left + 1, width - 1)):
+            same = abs(photo.depth[row, column] - local[2]) <= tolerance and photo.mask[row, column] >= 0.5
+            clean &= bool(same and photo.mask[row, column] >= 0.95)
+            if same:
+                weight = max(0.0, 1 - abs(x - column)) * max(0.0, 1 - abs(y - row))
+                total += weight
+                color += weight * photo.color[row, column]
+    if total < 0.25:
+        return "hidden", None
+    return "clean" if clean else "usable", color / total
+
+
+def reduced(values, top, bins, statistic):
+    """Median, mean or mode of one channel: the values sorted into bins, then those of the bin that counts averaged."""
+    values = np.asarray(values, float)
+    if statistic == "mean":
+        return values.sum() / len(values)
+    number = np.clip((values / top * bins).astype(int), 0, bins - 1)
+    if statistic == "mode":
+        return values[number == np.bincount(number).argmax()].mean()
+    ranked = np.sort(number)
+    middle = {ranked[(len(values) - 1) // 2], ranked[len(values) // 2]}
+    return np.mean([values[number == which].mean() for which in middle])
+
+
+def diffuse(photos, point, normal, cos_min, slack, top, bins, statistic):
+    """(colour or NaN, mean absolute deviation, photos used)."""
+    found = [seen_color(photo, point, normal, cos_min, slack) for photo in photos]
+    for kind in ("clean", "usable"):
+        colors = np.array([color for quality, color in found if quality == kind])
+        if len(colors):
+            value = np.array([reduced(colors[:, c], top, bins, statistic) for c in range(3)])
+            return value, np.abs(colors - value).mean(), len(colors)
+    return np.full(3, np.nan), 0.0, 0
+
+
+def blend_weights(dots):
+    """Weights dot - (fourth dot), normalised; with fewer than four the threshold lies half the spread below them."""
+    dots = np.asarray(dots, float)
+    low = dots[3] if len(dots) == 4 else dots[-1] - 0.5 * (dots[0] - dots[-1]) - 1e-9
+    raw = np.maximum(dots - low, 0)
+    return raw / raw.sum() if raw.sum() > 0 else np.full(len(dots), 1 / len(dots))
+
+
+def blend(photos, point, normal, direction, cos_min, slack):
+    """(colour or NaN, photos used): the best four by angle among those that see the point."""
+    found = []
+    for photo in photos:
+        quality, color = seen_color(photo, point, normal, cos_min, slack)
+        if quality != "hidden":
+            away = photo.camera.center - point
+            found.append((float(away @ direction / np.linalg.norm(away)), color))
+    found.sort(key=lambda entry: -entry[0])
+    if not found:
+        return np.full(3, np.nan), 0
+    best = found[:4]
+    return blend_weights([dot for dot, _ in best]) @ np.array([color for _, color in best]), len(best)
+
+
+def lookup_diffuse(point, facing, texel_sizes, layers):
+    """Diffuse colour of a point from the texture that faces it best and knows it; layers: LayeredDepthImage each."""
+    for which in np.argsort(-np.asarray(facing), kind="stable"):
+        cosine = facing[which]
+        if cosine <= 0:
+            break
+        image = layers[which]
+        u, v, wanted = _field_place(image.frame, point)
+        slope = math.sqrt(1 - min(cosine, 1.0) ** 2) / cosine
+        tolerance = 1.5 * texel_sizes[which] * (1 + slope)
+        total, weight = np.zeros(3), 0.0
+        for row in range(image.shape[0]):
+            for column in range(image.shape[1]):
+                share = max(0.0, 1 - abs(u - 0.5 - column)) * max(0.0, 1 - abs(v - 0.5 - row))
+                samples = range(image.offsets[row, column], image.offsets[row, column + 1])
+                gaps = [(abs(image.depth[i] - wanted), -i) for i in samples if image.observers[i] > 0]
+                if share > 0 and gaps and min(gaps)[0] <= tolerance:
+                    total += share * image.color[-min(gaps)[1]]
+                    weight += share
+        if weight > 0.05:
+            return total / weight
+    return np.full(3, np.nan)
+
+
+def _field_place(frame, point):
+    if hasattr(frame, "K"):
+        local = frame.R @ point + frame.t
+        u, v, _ = frame.K @ local / local[2]
+        return u, v, local[2]
+    return np.linalg.solve(np.stack([frame.a, frame.b, frame.f], axis=1), point - frame.origin)
+
+
+def corner_normals(vertices, faces, crease_deg):
+    """(F, 3, 3) unit normals of face corners: faces around a place that bend less than the crease, by angle."""
+    vertices = np.asarray(vertices, float)
+    out = np.empty((len(faces), 3, 3))
+    flat = []
+    for face in faces:
+        a, b, c = vertices[face]
+        normal = np.cross(b - a, c - a)
+        flat.append(normal / np.linalg.norm(normal) if np.linalg.norm(normal) > 0 else normal)
+    for f, face in enumerate(faces):
+        for corner, vertex in enumerate(face):
+            total = np.zeros(3)
+            for g, other in enumerate(faces):
+                for c, second in enumerate(other):
+                    bends_little = flat[f] @ flat[g] >= math.cos(math.radians(crease_deg))
+                    if (vertices[second] == vertices[vertex]).all() and (f == g or bends_little):
+                        one = vertices[other[(c + 1) % 3]] - vertices[second]
+                        two = vertices[other[(c + 2) % 3]] - vertices[second]
+                        total += math.atan2(np.linalg.norm(np.cross(one, two)), one @ two) * flat[g]
+            length = np.linalg.norm(total)
+            out[f, corner] = total / length if length > 0 else flat[f]
+    return out
