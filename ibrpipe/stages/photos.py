@@ -79,11 +79,16 @@ class PhotoSet:
         color : (N, 3) float32, linear; NaN where no photo sees the point
         count : (N,) int32, photos used, 0 to 4
         """
-        color, count = np.empty((len(points), 3), np.float32), np.empty(len(points), np.int32)
+        code, count = self.blend_codes(points, normals, directions)
+        return srgb_decode(code), count
+
+    def blend_codes(self, points: Array, normals: Array, directions: Array) -> tuple[Array, Array]:
+        """Do as `blend`, but leave the colour (N, 3) in display code: for `code` that is signed, such as errors."""
+        code, count = np.empty((len(points), 3), np.float32), np.empty(len(points), np.int32)
         points, normals = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(normals, np.float32)
         directions = np.ascontiguousarray(directions, np.float64)
-        blend_photos(points, normals, directions, *self._arrays, COS_MIN, DEPTH_SLACK, color, count)
-        return srgb_decode(color), count
+        blend_photos(points, normals, directions, *self._arrays, COS_MIN, DEPTH_SLACK, code, count)
+        return code, count
 
     def diffuse(self, points: Array, normals: Array, bins: int = 128, statistic: int = 0) -> tuple[Array, Array, Array]:
         """Reduce what all photos show of surface points to diffuse colours (gong-yang, sec. 4.1).
