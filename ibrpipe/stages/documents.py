@@ -174,6 +174,10 @@ class Residuals(_Document):
     """``residuals/residuals.json``."""
 
     textures: list[ResidualsFigures] = Field(description="The textures that have residuals")
+    training_psnr: list[float] = Field(
+        default=[],
+        description="PSNR of the training photos on exact geometry, dB: before every round of refinement, and at last",
+    )
 
 
 class RenderedFrame(_Document):
