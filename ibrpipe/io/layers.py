@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
+from ibrpipe.io.image_files import one_line
 from ibrpipe.io.images import FIXED_DATE
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame
 
@@ -63,7 +64,7 @@ def write_layers(layers: LayeredDepthImage, path: Path) -> None:
     _fill(deep, layers)
     output = oiio.ImageOutput.create(str(path))
     if output is None or not (output.open(str(path), spec) and output.write_deep_image(deep) and output.close()):
-        raise ResourceError(f"{path}: cannot write: {output.geterror() if output else oiio.geterror()}")
+        raise ResourceError(f"{path}: cannot write: {one_line(output.geterror() if output else oiio.geterror())}")
 
 
 def _fill(deep: object, layers: LayeredDepthImage) -> None:
@@ -91,13 +92,23 @@ def read_layers(path: Path) -> LayeredDepthImage:
     FormatError
         It is not a deep OpenEXR written by `write_layers`.
     """
-    import OpenImageIO as oiio
-
     if not path.is_file():
         raise MissingFileError(f"{path}: no such file; it should hold a texture's layers (deep OpenEXR)")
+    try:
+        return _read(path)
+    except FormatError:
+        raise
+    except (ValueError, KeyError, TypeError) as error:
+        raise FormatError(f"{path}: damaged ({one_line(str(error))}); copy the asset again") from error
+
+
+def _read(path: Path) -> LayeredDepthImage:
+    import OpenImageIO as oiio
+
     image = oiio.ImageInput.open(str(path))
     if image is None:
-        raise FormatError(f"{path}: cannot be read as an image ({oiio.geterror()}); copy the asset again")
+        reason = one_line(oiio.geterror())
+        raise FormatError(f"{path}: cannot be read as an image ({reason}); copy the asset again")
     spec = image.spec()
     header = spec.getattribute(FRAME)
     missing = [name for name in CHANNELS if name not in spec.channelnames]
@@ -108,7 +119,7 @@ def read_layers(path: Path) -> LayeredDepthImage:
         )
     deep = image.read_native_deep_image()
     if deep is None:
-        raise FormatError(f"{path}: damaged ({image.geterror()}); copy the asset again")
+        raise FormatError(f"{path}: damaged ({one_line(image.geterror())}); copy the asset again")
     counts, table = _table(deep, [spec.channelnames.index(name) for name in CHANNELS])
     offsets = _offsets(counts.reshape(spec.height, spec.width))
     return LayeredDepthImage(
