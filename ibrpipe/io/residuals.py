@@ -9,18 +9,26 @@ from __future__ import annotations
 
 import io
 import json
+import struct
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
+from ibrpipe.io.image_files import one_line
 from ibrpipe.io.layers import frame_as_json, frame_from_json
 from ibrpipe.types import Array, ParallelFrame, SpiralResiduals
 
 NAME = "residuals.zip"
 SCHEMA = 1
+#: what reading a damaged archive can end in
+_DAMAGE = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError),
+    *(LookupError, RuntimeError, TypeError, ValueError),
+)
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -134,11 +142,11 @@ def read_residuals(path: Path) -> SpiralResiduals:
             if header["schema"] != SCHEMA:
                 raise FormatError(f"{path}: residuals of schema {header['schema']}, this version reads {SCHEMA}")
             images = [_decode(archive, index, header) for index in range(len(header["sizes"]))]
-    except (zipfile.BadZipFile, KeyError, ValueError, OSError) as error:
-        if isinstance(error, FormatError):
-            raise
-        raise FormatError(f"{path}: damaged ({error}); copy the asset again") from error
-    return _assemble(header, images)
+        return _assemble(header, images)
+    except FormatError:
+        raise
+    except _DAMAGE as error:
+        raise FormatError(f"{path}: damaged ({one_line(str(error))}); copy the asset again") from error
 
 
 def _decode(archive: zipfile.ZipFile, index: int, header: dict[str, Any]) -> Array:
@@ -146,6 +154,8 @@ def _decode(archive: zipfile.ZipFile, index: int, header: dict[str, Any]) -> Arr
 
     if header["encoding"] == "half":
         image = np.load(io.BytesIO(archive.read(f"{index:03d}.npy"))).astype(np.float32)
+    elif header["encoding"] != "8bit":
+        raise ValueError(f"encoding {header['encoding']!r}, expected 8bit or half")
     else:
         data = np.frombuffer(archive.read(f"{index:03d}.webp"), np.uint8)
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
@@ -164,12 +174,15 @@ def _assemble(header: dict[str, Any], images: list[Array]) -> SpiralResiduals:
     sizes = np.array(header["sizes"], np.int32)
     frame = frame_from_json(header["rectangle"])
     if not isinstance(frame, ParallelFrame):
-        raise FormatError("the rectangle of residuals must be parallel")
+        raise ValueError("the rectangle of residuals must be parallel")
+    alphas, directions = np.array(header["alphas"], float), np.array(header["directions"], float)
+    if alphas.shape != (len(sizes),) or directions.shape != (len(sizes), 3):
+        raise ValueError(f"{alphas.size} alphas and {len(directions)} directions for {len(sizes)} pictures")
     return SpiralResiduals(
         frame,
         header["k"],
-        np.array(header["alphas"]),
-        np.array(header["directions"]),
+        alphas,
+        directions,
         sizes,
         np.concatenate([[0], np.cumsum(sizes.astype(np.int64).prod(axis=1))]),
         np.ascontiguousarray(flat[:, :3]),
