@@ -80,3 +80,64 @@ def residual_at(point, weights, images, scale):
                     total[:3] += weight * share * (texels[row, column, :3].astype(float) - zero)
                     total[3] += weight * share
     return total
+
+
+def shaded(color, depth, camera, members, coded):
+    """(colour with residuals, hit pixels without any), pixel by pixel; members: SpiralResiduals of all textures."""
+    out, lost = color.astype(float), 0
+    for row, column in zip(*np.nonzero(np.isfinite(depth))):
+        way = camera.world_from_pixel @ (column + 0.5, row + 0.5, 1.0)
+        point = camera.center + depth[row, column] * way
+        total = np.zeros(4)
+        places = [_place(point, -way / np.linalg.norm(way), member) for member in members]
+        for score, which in sorted(((-place[0], i) for i, place in enumerate(places))):
+            if -score <= -1 or total[3] > 0.98:
+                break
+            member, (_, local, view, scale) = members[which], places[which]
+            closing = _closing(member)
+            limit = math.radians(87) if member.closed else math.pi / 2
+            weights = lookup(view[None], member.alphas, member.k, limit, closing)[0]
+            total += residual_at(local, weights, _images(member), scale)
+        if total[3] < 1e-3:
+            lost += 1
+            continue
+        change = total[:3] / total[3]
+        if coded:
+            out[row, column] = _decode(np.maximum(_encode(out[row, column]) + change / 255, 0))
+        else:
+            out[row, column] = np.maximum(out[row, column] + change, 0)
+    return out, lost
+
+
+def _place(point, view, member):
+    """(preference, place in the rectangle, direction in its frame, 1 / edge lengths)."""
+    frame = member.rectangle
+    edges = np.array([np.linalg.norm(frame.a), np.linalg.norm(frame.b)])
+    basis = np.stack([frame.a / edges[0], frame.b / edges[1], -frame.f])
+    local, view = basis @ (point - frame.origin), basis @ view
+    local = np.array([local[0] / edges[0], local[1] / edges[1], -local[2]])
+    if view[2] <= 0.02:
+        return -1.0, local, view, 1 / edges
+    leaves = local[:2] + local[2] * view[:2] / view[2] / edges
+    outside = max(-leaves.min(), leaves.max() - 1)
+    return (1 + view[2] if outside <= 0 else view[2] / (1 + outside) - 0.5), local, view, 1 / edges
+
+
+def _images(member):
+    packed = np.concatenate([member.texels.astype(float), member.valid[:, None]], axis=1)
+    parts = np.split(packed, member.starts[1:-1])
+    return [
+        (way, member.zero, part.reshape(*size, 4)) for way, part, size in zip(member.directions, parts, member.sizes)
+    ]
+
+
+def _closing(member):
+    return max(math.ceil(1 / member.k), 4) if member.closed else 0
+
+
+def _encode(linear):
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.power(linear, 1 / 2.4) - 0.055)
+
+
+def _decode(code):
+    return np.where(code <= 0.04045, code / 12.92, np.power((code + 0.055) / 1.055, 2.4))
