@@ -165,23 +165,34 @@ def bounding_box(mesh: Mesh) -> tuple[Array, Array, Array, str]:
 def _tightest_axes(points: Array) -> Array | None:
     """Return the axes (rows) of about the smallest box around points (N, 3), or None where they lie in a plane.
 
-    Open3D's search takes minutes on round meshes and returns an empty box for some regular grids; it therefore sees
-    only the outermost points along 500 directions, and the caller measures the box along these axes itself.
+    Open3D's search takes minutes on round meshes and loses its axes on some boxes and regular grids. It therefore sees
+    only the outermost points along 500 directions, a second time moved by a millionth where it lost its axes, and the
+    caller measures the box along them itself.
     """
-    from ibrpipe.embree import import_open3d
-
     number = np.arange(500)
     z, angle = (2 * number + 1) / 500 - 1, number * np.pi * (3 - np.sqrt(5))
     across = np.sqrt(1 - z * z)
     directions = np.stack([across * np.cos(angle), across * np.sin(angle), z])
-    outermost = np.unique([int((points @ d).argmax()) for d in directions.T])
-    o3d = import_open3d()
-    cloud = o3d.utility.Vector3dVector(points[outermost])
+    outermost = points[np.unique([int((points @ d).argmax()) for d in directions.T])]
+    moved = 1e-6 * np.ptp(points) * np.random.default_rng(0).uniform(-1, 1, outermost.shape)
     try:
-        box = o3d.geometry.OrientedBoundingBox.create_from_points_minimal(cloud, robust=True)
+        axes = _box_axes(outermost)
+        return axes if axes is not None else _box_axes(outermost + moved)
     except RuntimeError:
         return None
-    return np.array(box.R).T
+
+
+def _box_axes(points: Array) -> Array | None:
+    """Return the axes of Open3D's smallest box, None where they do not fit it; RuntimeError for points in a plane."""
+    from ibrpipe.embree import import_open3d
+
+    o3d = import_open3d()
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        cloud = o3d.utility.Vector3dVector(points)
+        box = o3d.geometry.OrientedBoundingBox.create_from_points_minimal(cloud, robust=True)
+    left, _, right = np.linalg.svd(np.array(box.R).T)
+    axes = left @ right  # Open3D's are orthogonal to about 1e-8 only
+    return axes if np.prod(np.ptp(points @ axes.T, axis=0)) <= 1.01 * np.prod(box.extent) else None
 
 
 def _near_world(axes: Array, half: Array) -> tuple[Array, Array]:
