@@ -19,7 +19,7 @@ from ibrpipe.io.views import read_views
 from ibrpipe.progress import track
 from ibrpipe.stages.photos import PhotoSet, load_photos
 from ibrpipe.stages.plan import TexturePlan, read_plan
-from ibrpipe.stages.rectangles import Rectangle
+from ibrpipe.stages.rectangles import Rectangle, distinct
 from ibrpipe.stages.stage import Stage
 from ibrpipe.types import Array, LayeredDepthImage
 
@@ -101,6 +101,7 @@ def build_layers(
     keep = (hits.t > 0) & keep_rule(which, rectangles, limits, points, normals)
     keep &= (hits.normal * directions[ray]).sum(axis=1) < 0
     kept = np.flatnonzero(keep)
+    kept = kept[distinct(ray[kept], hits.t[kept], plan.rectangle.texel)]
     kept = kept[first_of_each(ray[kept], plan.max_layers)]
     ray, depth, points, normals = ray[kept], hits.t[kept], points[kept], normals[kept]
     color, _, observers = photos.diffuse(points, normals, config.bins, STATISTICS[config.statistic])

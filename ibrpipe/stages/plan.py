@@ -25,7 +25,7 @@ from ibrpipe.stages.measure import (
     sampling_density,
 )
 from ibrpipe.stages.photos import PhotoSet, load_photos
-from ibrpipe.stages.rectangles import Rectangle, RectangleConfig, bounding_box, box_faces, sized
+from ibrpipe.stages.rectangles import Rectangle, RectangleConfig, bounding_box, box_faces, distinct, sized
 from ibrpipe.stages.stage import Stage
 
 SCHEMA = 1
@@ -135,7 +135,8 @@ def count_layers(rectangle: Rectangle, caster: MeshCaster, limit: int) -> tuple[
     origins, directions = rectangle.rays()
     grid = np.arange(rectangle.height * rectangle.width).reshape(rectangle.height, rectangle.width)[::4, ::4].ravel()
     ray, hits = caster.cast_all(origins[grid], directions[grid])
-    front = (hits.normal * directions[grid][ray]).sum(axis=1) < 0
+    front = np.flatnonzero((hits.normal * directions[grid][ray]).sum(axis=1) < 0)
+    front = front[distinct(ray[front], hits.t[front], rectangle.texel)]
     depths = np.bincount(np.bincount(ray[front], minlength=len(grid)), minlength=2)
     at_least = depths[::-1].cumsum()[::-1]  # texels with at least n front-facing surfaces
     total = max(int(at_least[1:].sum()), 1)

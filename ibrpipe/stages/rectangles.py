@@ -66,6 +66,11 @@ class Rectangle:
         return normal / np.linalg.norm(normal)
 
     @property
+    def texel(self) -> float:
+        """Width of a texel on the rectangle, scene units."""
+        return float(np.linalg.norm(self.u)) / self.width
+
+    @property
     def edges(self) -> ParallelFrame:
         """Parallel frame whose a and b are the whole edges (u and v run from 0 to 1)."""
         return ParallelFrame(self.origin, self.u, self.v, self.f)
@@ -132,6 +137,18 @@ class Rectangle:
         center = None if data["center"] is None else np.array(data["center"])
         origin, u, v = (np.array(data[key], float) for key in ("origin", "u", "v"))
         return cls(data["name"], origin, u, v, data["width"], data["height"], center)
+
+
+def distinct(ray: Array, depth: Array, texel: float) -> Array:
+    """(N,) bool: leave out hits that repeat the one before, as rays through an edge or a vertex meet all faces there.
+
+    Parameters
+    ----------
+    ray, depth : (N,) by ray, then depth ascending; all hits face the same way
+    texel : hits less than a thousandth of it apart are one
+    """
+    again = (ray[1:] == ray[:-1]) & (np.diff(depth) < 1e-3 * texel)
+    return np.concatenate([np.ones(min(len(ray), 1), bool), ~again])
 
 
 def sized(config: RectangleConfig, texel: float) -> Rectangle:
