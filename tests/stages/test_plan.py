@@ -1,0 +1,166 @@
+"""The plan: matt scenes get no residuals, glossy ones do, unseen faces are dropped, every choice has its reason."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from ibrpipe.errors import CaptureError, FormatError
+from ibrpipe.stages.measure import Appearance
+from ibrpipe.stages.plan import Inputs, PlanConfig, choose_residuals, make_plan, read_plan, run
+from ibrpipe.stages.rectangles import RectangleConfig
+
+QUICK = PlanConfig(samples=4000)
+#: stands in front of the wall of the matt scene, looking along +y
+FRONT = RectangleConfig(name="front", origin=(-1.6, -1, 1.2), u=(3.2, 0, 0), v=(0, 0, -2.4), center=(0, -5, 0))
+
+
+def by_name(reasons):
+    return {entry["what"]: entry for entry in reasons}
+
+
+@pytest.fixture(scope="module")
+def plans(measured):
+    found = {name: make_plan(measured(name).caster, measured(name).photos, QUICK, 0) for name in ("lambert", "glossy")}
+    return {name: (textures, by_name(reasons)) for name, (textures, reasons) in found.items()}
+
+
+def test_a_matt_scene_gets_no_residuals_and_the_reason_is_written(plans):
+    textures, reasons = plans["lambert"]
+    assert not any(texture.residuals for texture in textures)
+    for texture in textures:
+        entry = reasons[f"residuals of {texture.rectangle.name}"]
+        assert entry["choice"] is False
+        assert "would be visible" in entry["reason"] or "too little of the photos" in entry["reason"]
+    front = reasons["residuals of -y"]
+    assert "diffuse colour predicts left-out photos to" in front["reason"]
+    assert front["measured"]["blocks"] > 500
+    assert front["measured"]["diffuse_psnr"] > 38
+
+
+def test_a_glossy_scene_gets_residuals(plans):
+    textures, reasons = plans["glossy"]
+    modelled = [texture.rectangle.name for texture in textures if texture.residuals]
+    assert len(modelled) >= 4
+    for name in modelled:
+        entry = reasons[f"residuals of {name}"]
+        assert "view-dependent colour predicts them" in entry["reason"]
+        assert entry["measured"]["gain_db"] >= 0.5
+
+
+@pytest.mark.parametrize("scene", ["lambert", "glossy"])
+def test_every_choice_has_a_reason_with_figures(plans, scene):
+    textures, reasons = plans[scene]
+    names = [texture.rectangle.name for texture in textures]
+    wanted = {"rectangles", "texel", "k"} | {
+        f"{kind} {name}" for kind in ("layers of", "residuals of") for name in names
+    }
+    wanted |= {f"texture {mark}{axis}" for mark in "+-" for axis in "xyz"}
+    assert set(reasons) == wanted
+    for entry in reasons.values():
+        assert entry["reason"]
+        assert entry["measured"]
+    json.dumps(list(reasons.values()))
+
+
+def test_faces_that_no_photo_sees_are_dropped(measured):
+    ball = measured("ball")
+    side = np.argsort(-ball.photos.centers[:, 0])[:2]  # photos from +x only
+    textures, reasons = make_plan(ball.caster, ball.photos.subset(side), QUICK, 0)
+    kept = {texture.rectangle.name for texture in textures}
+    assert "+x" in kept
+    assert "-x" not in kept
+    entry = by_name(reasons)["texture -x"]
+    assert entry["choice"] == "dropped"
+    assert entry["measured"]["seen_by_a_photo"] == 0
+    assert "layers of -x" not in by_name(reasons)
+
+
+def test_texel_follows_the_photos_own_density(plans, measured):
+    _, reasons = plans["lambert"]
+    texel = reasons["texel"]["choice"]
+    camera = measured("lambert").photos.cameras[0]
+    distance = np.linalg.norm(camera.center)
+    assert texel == pytest.approx(distance / camera.K[0, 0] / 1.25, rel=0.2)
+    finer, _ = make_plan(
+        measured("lambert").caster, measured("lambert").photos, PlanConfig(samples=4000, oversampling=2.5), 0
+    )
+    coarse = plans["lambert"][0]
+    assert finer[0].rectangle.width == pytest.approx(2 * coarse[0].rectangle.width, rel=0.1)
+
+
+def test_settings_overrule_the_measurement(measured):
+    ball = measured("ball")
+    config = PlanConfig(samples=4000, texel=0.1, k=1 / 24, residuals="never", max_layers=1, rectangles=(FRONT,))
+    (texture,), reasons = make_plan(ball.caster, ball.photos, config, 0)
+    assert (texture.rectangle.width, texture.rectangle.height) == (32, 24)
+    assert (texture.k, texture.residuals, texture.max_layers) == (1 / 24, False, 1)
+    for what in ("texel", "k", "residuals of front"):
+        assert by_name(reasons)[what]["reason"] == "set by the pipeline file"
+
+
+def test_the_seed_decides(measured):
+    ball = measured("ball")
+    one, other, third = (make_plan(ball.caster, ball.photos, QUICK, seed)[1] for seed in (0, 0, 1))
+    assert one == other
+    assert one != third
+
+
+@pytest.mark.parametrize(
+    ("found", "choice", "why"),
+    [
+        (Appearance(5, 0.01, 0.01, 0.01), False, "too little of the photos"),
+        (Appearance(500, 1e-4, 1e-4, 1e-4), False, "4.0 would be visible"),
+        (Appearance(500, 4e-3, 4e-3, 0.0), False, "0.00 dB better, less than the 0.5 dB"),
+        (Appearance(500, 4e-3, 4e-3, 2e-3), True, "1.25 dB better, at least the 0.5 dB"),
+    ],
+)
+def test_when_residuals_pay(found, choice, why):
+    decided, entry = choose_residuals("a", found, PlanConfig())
+    assert decided is choice
+    assert why in entry["reason"]
+
+
+def test_appearance_in_closed_form():
+    """A prediction that is right by half: adding that half leaves diffuse - common^2 / predicted."""
+    found = Appearance(100, 4e-3, 4e-3, 2e-3)
+    assert found.share == 0.5
+    assert found.remaining == pytest.approx(4e-3 - (2e-3) ** 2 / 4e-3)
+    assert Appearance(100, 4e-3, 0.0, 0.0).gain == 0
+    assert Appearance(100, 4e-3, 1e-3, -5e-4).remaining == 4e-3
+
+
+def test_run_writes_what_read_plan_reads(measured, tmp_path):
+    folder = measured("glossy").folder
+    (tmp_path / "out").mkdir()
+    inputs = Inputs(folder / "views.json", folder / "mesh.ply", 0, tmp_path / "out")
+    path = run(inputs, QUICK).plan
+    first = path.read_bytes()
+    textures = read_plan(path)
+    assert [t.rectangle.name for t in textures] == [t["name"] for t in json.loads(first)["textures"]]
+    assert run(inputs, QUICK).plan.read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [("", "not a plan"), ('{"schema": 9}', "schema 9, expected 1"), ('{"schema": 1, "textures": [{}]}', "not a plan")],
+)
+def test_a_damaged_plan(tmp_path, text, match):
+    (tmp_path / "plan.json").write_text(text, encoding="utf-8")
+    with pytest.raises(FormatError, match=match):
+        read_plan(tmp_path / "plan.json")
+    with pytest.raises(FormatError, match="run the plan stage again"):
+        read_plan(tmp_path / "none.json")
+
+
+def test_photos_that_see_nothing_and_rectangles_that_face_nothing(measured):
+    ball = measured("ball")
+    away = RectangleConfig(name="away", origin=(50, 0, 0), u=(1, 0, 0), v=(0, 1, 0))
+    with pytest.raises(CaptureError, match="turn them round or move them"):
+        make_plan(ball.caster, ball.photos, PlanConfig(samples=1000, rectangles=(away,)), 0)
+    blind = ball.photos.subset([0])
+    blind.projection[:, 2] = -1.0  # everything lies behind it
+    with pytest.raises(CaptureError, match="no photo sees the mesh"):
+        make_plan(ball.caster, blind, PlanConfig(samples=1000), 0)
