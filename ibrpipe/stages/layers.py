@@ -24,7 +24,7 @@ from ibrpipe.stages.stage import Stage
 from ibrpipe.types import Array, LayeredDepthImage
 
 #: normals are rounded to this many steps per unit: a power of two, so that they compress well
-NORMAL_STEPS = 64
+NORMAL_STEPS = 32
 STATISTICS = {"median": 0, "mean": 1, "mode": 2}
 
 
@@ -38,8 +38,10 @@ class LayersConfig(StageConfig):
     color_bits: Literal[8, 16] = Field(
         8, description="8: colours rounded to 8-bit sRGB codes (smaller file); 16: half floats"
     )
-    depth_bits: Literal[8, 16, 32] = Field(
-        16, description="Depth levels over each texture's depth range; 32 keeps float32"
+    depth_bits: Literal["auto", 8, 16, 32] = Field(
+        "auto",
+        description="Depth levels over each texture's depth range; auto: as many as make a step at most a sixteenth of "
+        "a texel, 32 keeps float32",
     )
 
 
@@ -106,7 +108,8 @@ def build_layers(
     ray, depth, points, normals = ray[kept], hits.t[kept], points[kept], normals[kept]
     color, _, observers = photos.diffuse(points, normals, config.bins, STATISTICS[config.statistic])
     color[observers == 0] = 0.0
-    depth = quantize(depth, config.depth_bits)
+    texel = float(np.linalg.norm(plan.rectangle.u)) / plan.rectangle.width
+    depth = quantize(depth, enough_bits(depth, texel) if config.depth_bits == "auto" else config.depth_bits)
     normals = np.round(normals * NORMAL_STEPS) / np.float32(NORMAL_STEPS)
     if config.color_bits == 8:
         color = round_to_display(color)
@@ -121,6 +124,12 @@ def first_of_each(ray: Array, count: int) -> Array:
     """Indices of the first `count` entries of every run in ascending `ray` (N,)."""
     start = np.searchsorted(ray, ray)
     return np.flatnonzero(np.arange(len(ray)) - start < count)
+
+
+def enough_bits(depth: Array, texel: float) -> int:
+    """Bits (8 to 31) that divide the range of depths (N,) into steps of at most a sixteenth of a texel."""
+    steps = 16.0 * float(np.ptp(depth)) / texel if len(depth) else 1.0
+    return int(np.clip(np.ceil(np.log2(steps + 1.0)), 8, 31))
 
 
 def quantize(depth: Array, bits: int) -> Array:

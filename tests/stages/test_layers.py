@@ -126,7 +126,7 @@ def test_diffuse_colour_of_a_matt_scene_is_the_true_one(measured, statistic):
     lambert = measured("lambert")
     staged = prepare_scene(make_scene("lambert", TINY.detail), TINY.occlusion_rays)
     plans = plans_around(lambert, texel=0.05)
-    layers, _ = build_layers(3, plans, lambert.caster, lambert.photos, LayersConfig(statistic=statistic))
+    layers, _ = build_layers(3, plans, lambert.caster, lambert.photos, LayersConfig(statistic=statistic, depth_bits=16))
     origins, ways = plans[3].rectangle.rays()
     hits = staged.caster.cast(origins, ways)
     nearest = layers.offsets[:, :-1].ravel()
