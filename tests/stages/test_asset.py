@@ -1,0 +1,86 @@
+"""The asset stage: what it copies, what its index says, and that the result renders."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import ibrpipe
+from ibrpipe.errors import IbrError
+from ibrpipe.io.assets import read_asset, read_index
+from ibrpipe.stages import asset, layers, plan, residuals
+
+
+@pytest.fixture(scope="module")
+def made(measured, tmp_path_factory):
+    """A glossy asset made coarsely: the folder that holds every stage's results."""
+    folder = tmp_path_factory.mktemp("asset")
+    source = measured("glossy").folder
+    views, mesh = source / "views.json", source / "mesh.ply"
+    for name in ("plan", "layers", "residuals", "asset"):
+        (folder / name).mkdir()
+    config = plan.PlanConfig(samples=2000, texel=0.12, k=1 / 4)
+    plan.run(plan.Inputs(views, mesh, 0, folder / "plan"), config)
+    planned = folder / "plan" / "plan.json"
+    layers.run(layers.Inputs(views, mesh, planned, folder / "layers"), layers.LayersConfig())
+    residuals.run(
+        residuals.Inputs(views, mesh, planned, folder / "layers", folder / "residuals"),
+        residuals.ResidualsConfig(refine=0),
+    )
+    inputs = asset.Inputs(views, planned, folder / "layers", folder / "residuals", folder / "asset")
+    asset.run(inputs, asset.AssetConfig(units="metre"))
+    return folder, inputs
+
+
+def test_the_index_tells_what_was_made(made):
+    folder, _ = made
+    index, plans = read_index(folder / "asset"), plan.read_plan(folder / "plan" / "plan.json")
+    assert index.units == "metre"
+    assert len(index.provenance["photos"]) == 14
+    assert len(index.provenance["held_out"]) == 3
+    assert index.provenance["reasons"] == json.loads((folder / "plan" / "plan.json").read_text())["reasons"]
+    assert [t.name for t in index.textures] == [p.rectangle.name for p in plans]
+    assert [bool(t.components) for t in index.textures] == [p.residuals for p in plans]
+    assert any(p.residuals for p in plans)
+    for entry, planned in zip(index.textures, plans):
+        assert entry.measured["layers"]["name"] == entry.name
+        assert (entry.measured["residuals"] is not None) == planned.residuals
+
+
+def test_files_are_copied_whole(made):
+    folder, _ = made
+    for file in (folder / "asset").rglob("texture_*/*"):
+        kind = "layers" if file.name == "layers.exr" else "residuals"
+        assert file.read_bytes() == (folder / kind / file.parent.name / file.name).read_bytes()
+
+
+def test_the_asset_renders_and_residuals_matter(made, measured):
+    asset_read = read_asset(made[0] / "asset")
+    camera = measured("glossy").photos.cameras[0].resized(48, 36)
+    matt, full = (ibrpipe.render(asset_read, camera, residuals=choice) for choice in (False, True))
+    np.testing.assert_array_equal(matt.depth, full.depth)
+    hit = np.isfinite(full.depth)
+    truth = measured("glossy").caster.cast_camera(camera).t
+    assert (hit == np.isfinite(truth)).mean() > 0.9
+    assert np.abs(full.color - matt.color)[hit].mean() > 0.005
+    assert (full.color[~hit] == 0).all()
+
+
+@pytest.mark.parametrize("name", ["layers/texture_00/layers.exr", "residuals/residuals.json", "layers/layers.json"])
+def test_a_missing_part_is_named(made, tmp_path, name):
+    import shutil
+
+    folder, inputs = made
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    (copy / name).unlink()
+    moved = asset.Inputs(inputs.views, copy / "plan/plan.json", copy / "layers", copy / "residuals", copy / "asset")
+    with pytest.raises((IbrError, FileNotFoundError), match=name.rsplit("/", 1)[1]):
+        asset.run(moved, asset.AssetConfig())
+
+
+def test_the_stage_is_wired():
+    assert asset.STAGE.name == "asset"
+    assert asset.STAGE.needs == ("ingest", "plan", "layers", "residuals")
