@@ -40,7 +40,7 @@ def photo_errors(context: Context, textures: Sequence[SpiralTexture]) -> tuple[A
     errors, total, count = np.zeros_like(photos.code), 0.0, 0
     for p, camera in enumerate(track(photos.cameras, "refinement")):
         color, depth, known = diffuse_frame(context, camera)
-        residual_pass.add(tables, color, depth, np.zeros(depth.shape, np.int16), camera)
+        residual_pass.add(tables, color, depth, camera)
         own = slice(photos.starts[p], photos.starts[p] + depth.size)
         good = known.ravel() & (photos.mask[own] >= 0.5)
         error = photos.code[own] - srgb_encode(color.reshape(-1, 3), np.inf)
