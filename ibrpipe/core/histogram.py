@@ -81,21 +81,20 @@ def diffuse_colors(
     photos = len(centers)
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
         seen = np.empty((2, 3, photos))
-        bins, corners = np.empty(bin_count, np.int32), np.empty((4, 2))
+        bins, corners = np.empty(bin_count, np.int32), np.empty((1, 4, 2))
         for i in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
             clean, usable = 0, 0
             for p in range(photos):
                 quality = see(
-                    points[i, 0], points[i, 1], points[i, 2], normals[i, 0], normals[i, 1], normals[i, 2],
-                    projection[p], centers[p], sizes[p, 0], sizes[p, 1], starts[p], depth, mask,
-                    cos_min, slack, corners
+                    points[i, 0], points[i, 1], points[i, 2], normals[i, 0], normals[i, 1], normals[i, 2], p,
+                    projection, centers, sizes, starts, depth, mask, cos_min, slack, corners, 0
                 )  # fmt: skip
                 if quality == CLEAN:
-                    red, green, blue = fetch(color, corners)
+                    red, green, blue = fetch(color, corners, 0)
                     seen[0, 0, clean], seen[0, 1, clean], seen[0, 2, clean] = red, green, blue
                     clean += 1
                 elif quality == USABLE:
-                    red, green, blue = fetch(color, corners)
+                    red, green, blue = fetch(color, corners, 0)
                     seen[1, 0, usable], seen[1, 1, usable], seen[1, 2, usable] = red, green, blue
                     usable += 1
             kind, count = (0, clean) if clean > 0 else (1, usable)

@@ -85,6 +85,11 @@ def fused(function: Callable[..., Any]) -> Any:
     return _compile(function, forceinline=True)
 
 
+def ordered(function: Callable[..., Any]) -> Any:
+    """Compile a function whose sums must be taken in the written order (differences of nearly equal numbers)."""
+    return _compile(function, fastmath={"nsz", "contract"})
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a loop over rows that runs on all threads."""
     return _compile(function, parallel=True)

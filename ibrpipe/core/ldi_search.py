@@ -12,8 +12,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import prange
 
-from ibrpipe.core.jit import fused, helper
+from ibrpipe.core.jit import fused, helper, kernel
+from ibrpipe.core.patch_search import improve
+from ibrpipe.core.rays import clip_box, depth_at
 
 #: how far, in cells or ray lengths, a root may lie outside its cell
 OVERLAP = 1e-9
@@ -111,3 +114,31 @@ def walk_ray(nodes, meta, height, cells, corners, masks, columns, rows, grid, u,
             return np.inf, np.int64(-1), 0, 0
         s = leave
         level = min(level + 1, top)
+
+
+@kernel
+def search_field(
+    start, turn, box, grid, front, nodes, meta, height, cells, corners, masks, window, base, depth, ids
+):  # fmt: skip
+    # start (4,), turn (4, 3), box (4,): see rays; window (x0, x1, y0, y1) pixels; depth (h, w) f32 and ids (h, w) u32
+    # are lowered in place: nearest hit, at equal depth the least id; a hit's id is base + its patch (or cell) number
+    columns, rows = int(box[0]), int(box[1])
+    for y in prange(window[2], window[3]):
+        for x in range(window[0], window[1]):
+            px, py = x + 0.5, y + 0.5
+            dx = turn[0, 0] * px + turn[0, 1] * py + turn[0, 2]
+            dy = turn[1, 0] * px + turn[1, 1] * py + turn[1, 2]
+            dn = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2]
+            dq = turn[3, 0] * px + turn[3, 1] * py + turn[3, 2]
+            near, far = clip_box(start, dx, dy, dn, dq, box, float(depth[y, x]) * (1.0 + 1e-6))
+            if not near <= far:
+                continue
+            qa, qb = start[3] + near * dq, start[3] + far * dq
+            u, v, d = (start[0] + near * dx) / qa, (start[1] + near * dy) / qa, (start[2] + near * dn) / qa
+            du, dv = (start[0] + far * dx) / qb - u, (start[1] + far * dy) / qb - v
+            dd = (start[2] + far * dn) / qb - d
+            s, patch, _, _ = walk_ray(
+                nodes, meta, height, cells, corners, masks, columns, rows, grid, u, v, d, du, dv, dd, near, front
+            )
+            if s < np.inf:
+                improve(depth, ids, y, x, depth_at(s, near, far, qa, qb), np.uint32(base + patch))

@@ -1,41 +1,73 @@
-"""Colour of hits: bilinear in the cell, weights renormalised over the corners that are samples."""
+"""Colour of hits: bilinear in the cell, weights renormalised over the corners whose colour is known.
+
+A hit is a camera depth and a number: patches of layered images are numbered first, then the cells of height fields.
+Where in its cell a hit lies follows from its ray and its depth. Coordinates: :mod:`ibrpipe.core.rays`.
+"""
 
 from __future__ import annotations
 
+import numpy as np
 from numba import prange
 
-from ibrpipe.core.jit import kernel
+from ibrpipe.core.jit import helper, kernel
+
+
+@helper
+def place_in_cell(x, y, t, i, j, start, turn):
+    # where pixel (x, y)'s ray is at camera depth t, in cell (i, j) -> (p, q), kept in [0, 1]
+    px, py = x + 0.5, y + 0.5
+    q = start[3] + t * (turn[3, 0] * px + turn[3, 1] * py + turn[3, 2])
+    u = (start[0] + t * (turn[0, 0] * px + turn[0, 1] * py + turn[0, 2])) / q - i
+    v = (start[1] + t * (turn[1, 0] * px + turn[1, 1] * py + turn[1, 2])) / q - j
+    return min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
 
 
 @kernel
-def shade_heights(index, number, patches, places, window, color, out):
-    # color (H, W, 3) f32 texels; patches holds cell numbers; out (h, w, 3) f32 where index == number
-    columns = color.shape[1] - 1
-    for y in prange(window[2], window[3]):
-        for x in range(window[0], window[1]):
-            if index[y, x] == number:
-                row, column = patches[y, x] // columns, patches[y, x] % columns
-                p, q = places[y, x, 0], places[y, x, 1]
-                for k in range(3):
-                    upper = color[row, column, k] + p * (color[row, column + 1, k] - color[row, column, k])
-                    lower = color[row + 1, column, k] + p * (color[row + 1, column + 1, k] - color[row + 1, column, k])
-                    out[y, x, k] = upper + q * (lower - upper)
+def shade_heights(depth, ids, base, start, turn, color, out, known):
+    # color (H, W, 3) f32 texels, hits with ids from `base` on; out (h, w, 3) f32 and known (h, w) f32 are set
+    # where this field is hit
+    columns, cells = color.shape[1] - 1, (color.shape[0] - 1) * (color.shape[1] - 1)
+    for y in prange(depth.shape[0]):
+        for x in range(depth.shape[1]):
+            cell = np.int64(ids[y, x]) - base
+            if not depth[y, x] < np.inf or cell < 0 or cell >= cells:
+                continue
+            j, i = cell // columns, cell % columns
+            p, q = place_in_cell(x, y, float(depth[y, x]), i, j, start, turn)
+            for k in range(3):
+                upper = color[j, i, k] + p * (color[j, i + 1, k] - color[j, i, k])
+                lower = color[j + 1, i, k] + p * (color[j + 1, i + 1, k] - color[j + 1, i, k])
+                out[y, x, k] = upper + q * (lower - upper)
+            known[y, x] = 1.0
 
 
 @kernel
-def shade_patches(index, number, patches, places, window, samples, color, out):
-    # samples (P, 4) i32, color (S, 3) f32; out (h, w, 3) f32 where index == number
-    for y in prange(window[2], window[3]):
-        for x in range(window[0], window[1]):
-            if index[y, x] == number:
-                p, q = places[y, x, 0], places[y, x, 1]
-                total, red, green, blue = 0.0, 0.0, 0.0, 0.0
-                for corner in range(4):
-                    sample = samples[patches[y, x], corner]
-                    if sample >= 0:
-                        weight = (p if corner & 1 else 1.0 - p) * (q if corner & 2 else 1.0 - q)
-                        total += weight
-                        red += weight * color[sample, 0]
-                        green += weight * color[sample, 1]
-                        blue += weight * color[sample, 2]
+def shade_patches(depth, ids, places, samples, firsts, starts, turns, color, out, known):
+    # places (2, P) f32, samples (P, 4) i32 (-1 = none); firsts (F + 1,) i64 first patch of every field;
+    # color (S, 4) f32, the fourth 0 where no photo saw the sample; out (h, w, 3) f32; known (h, w) f32: 0 where a hit's
+    # colour is unknown
+    for y in prange(depth.shape[0]):
+        for x in range(depth.shape[1]):
+            patch = np.int64(ids[y, x])
+            if not depth[y, x] < np.inf or patch >= places.shape[1]:
+                continue
+            field = 0
+            while patch >= firsts[field + 1]:
+                field += 1
+            p, q = place_in_cell(
+                x, y, float(depth[y, x]), places[0, patch], places[1, patch], starts[field], turns[field]
+            )
+            total, red, green, blue = 0.0, 0.0, 0.0, 0.0
+            for corner in range(4):
+                sample = samples[patch, corner]
+                if sample >= 0:
+                    weight = (p if corner & 1 else 1.0 - p) * (q if corner & 2 else 1.0 - q) * color[sample, 3]
+                    total += weight
+                    red += weight * color[sample, 0]
+                    green += weight * color[sample, 1]
+                    blue += weight * color[sample, 2]
+            if total > 0.0:
                 out[y, x, 0], out[y, x, 1], out[y, x, 2] = red / total, green / total, blue / total
+                known[y, x] = 1.0
+            else:
+                known[y, x] = 0.0

@@ -23,60 +23,78 @@ HIDDEN, USABLE, CLEAN = 0, 1, 2
 
 
 @helper
-def see(px, py, pz, nx, ny, nz, projection, center, height, width, start, depth, mask, cos_min, slack, corners):
+def see(
+    px, py, pz, nx, ny, nz, photo, projection, centers, sizes, starts, depth, mask, cos_min, slack, corners, row
+):  # fmt: skip
     """Say how one photo sees a point, and through which of its pixels.
 
-    Fills corners (4, 2) f64 with pixel index and weight of the pixels that show the same surface (weights sum to 1).
+    Fills corners[row] (4, 2) f64 with index and weight of the pixels that show the same surface (weights sum to 1).
     """
-    # projection (3, 4) f64 world to pixel; center (3,) f64; depth, mask flat f32; slack in pixels
-    z = projection[2, 0] * px + projection[2, 1] * py + projection[2, 2] * pz + projection[2, 3]
+    # photo arrays as in blend_photos; slack in pixels
+    height, width, start = sizes[photo, 0], sizes[photo, 1], starts[photo]
+    z = (
+        projection[photo, 2, 0] * px
+        + projection[photo, 2, 1] * py
+        + projection[photo, 2, 2] * pz
+        + projection[photo, 2, 3]
+    )
     if not z > 0.0:
         return HIDDEN
-    x = (projection[0, 0] * px + projection[0, 1] * py + projection[0, 2] * pz + projection[0, 3]) / z - 0.5
-    y = (projection[1, 0] * px + projection[1, 1] * py + projection[1, 2] * pz + projection[1, 3]) / z - 0.5
+    x = (
+        projection[photo, 0, 0] * px
+        + projection[photo, 0, 1] * py
+        + projection[photo, 0, 2] * pz
+        + projection[photo, 0, 3]
+    ) / z - 0.5
+    y = (
+        projection[photo, 1, 0] * px
+        + projection[photo, 1, 1] * py
+        + projection[photo, 1, 2] * pz
+        + projection[photo, 1, 3]
+    ) / z - 0.5
     if not (x >= 0.0 and y >= 0.0 and x <= width - 1 and y <= height - 1):
         return HIDDEN
-    dx, dy, dz = center[0] - px, center[1] - py, center[2] - pz
+    dx, dy, dz = centers[photo, 0] - px, centers[photo, 1] - py, centers[photo, 2] - pz
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     cosine = (nx * dx + ny * dy + nz * dz) / distance
     if not cosine >= cos_min:
         return HIDDEN
-    tolerance = slack * z / focal_length(projection) / max(cosine, 0.05)
-    column, row = max(min(int(x), width - 2), 0), max(min(int(y), height - 2), 0)
-    fx, fy = x - column, y - row
+    tolerance = slack * z / focal_length(projection, photo) / max(cosine, 0.05)
+    i0, j0 = max(min(int(x), width - 2), 0), max(min(int(y), height - 2), 0)
+    fx, fy = x - i0, y - j0
     clean, total = True, 0.0
     for corner in range(4):
-        i, j = min(column + corner % 2, width - 1), min(row + corner // 2, height - 1)
+        i, j = min(i0 + corner % 2, width - 1), min(j0 + corner // 2, height - 1)
         index = start + j * width + i
         weight = (fx if corner % 2 else 1.0 - fx) * (fy if corner // 2 else 1.0 - fy)
         same = abs(depth[index] - z) <= tolerance and mask[index] >= 0.5
         if not (same and mask[index] >= 0.95):
             clean = False
-        corners[corner, 0] = index
-        corners[corner, 1] = weight if same else 0.0
-        total += corners[corner, 1]
+        corners[row, corner, 0] = index
+        corners[row, corner, 1] = weight if same else 0.0
+        total += corners[row, corner, 1]
     if total < 0.25:
         return HIDDEN
     for corner in range(4):
-        corners[corner, 1] /= total
+        corners[row, corner, 1] /= total
     return CLEAN if clean else USABLE
 
 
 @helper
-def focal_length(projection):
-    """Pixels per unit of x / z of a (3, 4) projection."""
-    a, b, c = projection[0, 0], projection[0, 1], projection[0, 2]
-    d, e, f = projection[2, 0], projection[2, 1], projection[2, 2]
+def focal_length(projection, photo):
+    """Pixels per unit of x / z of a photo."""
+    a, b, c = projection[photo, 0, 0], projection[photo, 0, 1], projection[photo, 0, 2]
+    d, e, f = projection[photo, 2, 0], projection[photo, 2, 1], projection[photo, 2, 2]
     along = a * d + b * e + c * f  # the principal point's share
     return math.sqrt(max(a * a + b * b + c * c - along * along, 1e-300))
 
 
 @helper
-def fetch(color, corners):
-    """Return the weighted colour of the pixels that `see` found."""
+def fetch(color, corners, row):
+    """Return the weighted colour of the pixels that `see` put into corners[row]."""
     red, green, blue = 0.0, 0.0, 0.0
     for corner in range(4):
-        index, weight = int(corners[corner, 0]), corners[corner, 1]
+        index, weight = int(corners[row, corner, 0]), corners[row, corner, 1]
         red += weight * color[index, 0]
         green += weight * color[index, 1]
         blue += weight * color[index, 2]
@@ -117,8 +135,7 @@ def best_photos(
         value = dots[top]
         dots[top] = -3.0
         quality = see(
-            px, py, pz, nx, ny, nz, projection[top], centers[top], sizes[top, 0], sizes[top, 1], starts[top],
-            depth, mask, cos_min, slack, corners[found]
+            px, py, pz, nx, ny, nz, top, projection, centers, sizes, starts, depth, mask, cos_min, slack, corners, found
         )  # fmt: skip
         if quality != HIDDEN:
             chosen[found], best[found] = top, value
@@ -155,7 +172,7 @@ def blend_photos(
             blend_weights(best, found, weights)
             red, green, blue = 0.0, 0.0, 0.0
             for j in range(found):
-                r, g, b = fetch(color, corners[j])
+                r, g, b = fetch(color, corners, j)
                 red += weights[j] * r
                 green += weights[j] * g
                 blue += weights[j] * b

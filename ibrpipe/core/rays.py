@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ibrpipe.core.jit import helper, inlined
+from ibrpipe.core.jit import inlined
 
 
 @inlined
@@ -45,27 +45,3 @@ def clip_box(start, x, y, n, q, box, far):
 def depth_at(s, near, far, qa, qb):
     # camera depth t of parameter s on the clipped ray
     return near + (far - near) * (s * qa) / ((1.0 - s) * qb + s * qa)
-
-
-@helper
-def clip_tile(x, y, side, start, turn, box, out):
-    # parallel frames only: the side * side rays from pixel (x, y) on, without branches; out (10, side * side) f64 as
-    # `exact` in ldi_packets, ta > tb where the ray misses the box
-    p0, p1, p2 = start[0], start[1], start[2]
-    for k in range(side * side):
-        px, py = x + 0.5 + (k % side), y + 0.5 + (k // side)
-        r0 = turn[0, 0] * px + turn[0, 1] * py + turn[0, 2]
-        r1 = turn[1, 0] * px + turn[1, 1] * py + turn[1, 2]
-        r2 = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2]
-        i0 = 1.0 / (r0 if abs(r0) > 1e-150 else 1e-150)
-        i1 = 1.0 / (r1 if abs(r1) > 1e-150 else 1e-150)
-        i2 = 1.0 / (r2 if abs(r2) > 1e-150 else 1e-150)
-        a0, b0 = -p0 * i0, (box[0] - p0) * i0
-        a1, b1 = -p1 * i1, (box[1] - p1) * i1
-        a2, b2 = (box[2] - p2) * i2, (box[3] - p2) * i2
-        near = max(max(min(a0, b0), min(a1, b1)), max(min(a2, b2), 0.0))
-        far = min(max(a0, b0), min(max(a1, b1), max(a2, b2)))
-        out[0, k], out[1, k], out[2, k] = p0 + near * r0, p1 + near * r1, p2 + near * r2
-        way = far - near
-        out[3, k], out[4, k], out[5, k] = way * r0, way * r1, way * r2
-        out[6, k], out[7, k], out[8, k], out[9, k] = near, far, 1.0, 1.0

@@ -85,9 +85,9 @@ def scale_factors(direction):
 
 
 @helper
-def lower_bound(alphas, value):
-    """Index of the last alpha <= value, or -1."""
-    low, high = -1, len(alphas)
+def lower_bound(alphas, first, last, value):
+    """Index of the last of alphas[first:last], ascending, that is <= value; first - 1 if there is none."""
+    low, high = first - 1, last
     while high - low > 1:
         middle = (low + high) // 2
         if alphas[middle] <= value:

@@ -15,8 +15,8 @@ TURN = 2.0 * math.pi
 
 
 @helper
-def neighbours(x, y, z, alphas, k, limit, closing, indices, weights):
-    """Fill indices (4,) i64 and weights (4,) f64 of the samples around direction (x, y, z).
+def neighbours(x, y, z, alphas, first, last, k, limit, closing, indices, weights):
+    """Fill indices (4,) i64 and weights (4,) f64 of the samples around direction (x, y, z) among alphas[first:last].
 
     Two lie on round t and two on round t + 1; weights are linear along the spiral and across its turns. The pole
     stands in for the round before the first. `closing` is how many samples at the end of `alphas` run along the
@@ -30,19 +30,19 @@ def neighbours(x, y, z, alphas, k, limit, closing, indices, weights):
         q = 0.0
     t = math.floor((p - k * q) / (TURN * k))
     if t < 0.0:
-        indices[0], indices[1], weights[0], weights[1] = 0, 0, 1.0, 0.0
+        indices[0], indices[1], weights[0], weights[1] = first, first, 1.0, 0.0
         low = 0.0
         above = q
     else:
         here = TURN * t + q
         if closing > 0 and k * here >= limit:  # on or past the closing turn
-            along(here, alphas, closing, 0, indices, weights)
-            indices[2], indices[3], weights[2], weights[3] = 0, 0, 0.0, 0.0
+            along(here, alphas, first, last, closing, 0, indices, weights)
+            indices[2], indices[3], weights[2], weights[3] = first, first, 0.0, 0.0
             return
-        along(here, alphas, closing, 0, indices, weights)
+        along(here, alphas, first, last, closing, 0, indices, weights)
         low = k * here
         above = here + TURN
-    along(above, alphas, closing, 2, indices, weights)
+    along(above, alphas, first, last, closing, 2, indices, weights)
     high = k * above
     if closing > 0:
         high = min(high, limit)
@@ -54,19 +54,18 @@ def neighbours(x, y, z, alphas, k, limit, closing, indices, weights):
 
 
 @helper
-def along(alpha, alphas, closing, at, indices, weights):
-    """Fill entries `at` and `at + 1` with the two samples around alpha on the spiral."""
-    count = len(alphas)
-    first = count - closing
-    if closing > 0 and alpha >= alphas[first]:  # the closing turn is a circle
-        alpha = alphas[first] + (alpha - alphas[first]) % TURN
-    i = lower_bound(alphas, alpha)
-    if i < count - 1:
+def along(alpha, alphas, first, last, closing, at, indices, weights):
+    """Fill entries `at` and `at + 1` with the two samples around alpha on the spiral alphas[first:last]."""
+    circle = last - closing
+    if closing > 0 and alpha >= alphas[circle]:  # the closing turn is a circle
+        alpha = alphas[circle] + (alpha - alphas[circle]) % TURN
+    i = lower_bound(alphas, first, last, alpha)
+    if i < last - 1:
         below, beyond = alphas[i], alphas[i + 1]
         indices[at], indices[at + 1] = i, i + 1
     elif closing > 0:
-        below, beyond = alphas[i], alphas[first] + TURN
-        indices[at], indices[at + 1] = i, first
+        below, beyond = alphas[i], alphas[circle] + TURN
+        indices[at], indices[at + 1] = i, circle
     else:
         indices[at], indices[at + 1] = i, i
         weights[at], weights[at + 1] = 1.0, 0.0
@@ -76,12 +75,12 @@ def along(alpha, alphas, closing, at, indices, weights):
 
 
 @helper
-def residual_at(sx, sy, sz, directions, sizes, starts, texels, zero, scale, indices, weights, total):
+def residual_at(sx, sy, sz, directions, sizes, starts, texels, zero, scale_u, scale_v, indices, weights, total):
     """Add the residuals of four images at surface point (sx, sy, sz) to total (4,) f64: weighted R, G, B, and weight.
 
-    The point is in the rectangle's frame: sx, sy in [0, 1] along its edges, sz the depth below it, and `scale` =
-    (1 / edge lengths) turns a shift along the plane into those units. Every image is read where the ray from the
-    point along the image's own direction meets the rectangle (depth correction, gong-yang, fig. 6).
+    The point is in the rectangle's frame: sx, sy in [0, 1] along its edges, sz the depth below it, and `scale_u`,
+    `scale_v` (1 / edge lengths) turn a shift along the plane into those units. Every image is read where the ray from
+    the point along the image's own direction meets the rectangle (depth correction, gong-yang, fig. 6).
     """
     for n in range(4):
         w = weights[n]
@@ -89,8 +88,8 @@ def residual_at(sx, sy, sz, directions, sizes, starts, texels, zero, scale, indi
             continue
         i = indices[n]
         dz = directions[i, 2]
-        u = sx + sz * directions[i, 0] / dz * scale[0]
-        v = sy + sz * directions[i, 1] / dz * scale[1]
+        u = sx + sz * directions[i, 0] / dz * scale_u
+        v = sy + sz * directions[i, 1] / dz * scale_v
         height, width = sizes[i, 0], sizes[i, 1]
         fx, fy = u * width - 0.5, v * height - 0.5
         if not (fx > -1.0 and fy > -1.0 and fx < width and fy < height):
@@ -146,9 +145,9 @@ def shade(
             for t in range(textures):
                 place(
                     eye[0] + z * wx, eye[1] + z * wy, eye[2] + z * wz, -wx / length, -wy / length, -wz / length,
-                    rotations[t], origins[t], scales[t], local[t], view[t]
+                    rotations, origins, scales, t, local, view
                 )  # fmt: skip
-                order[t] = preference(local[t], view[t], scales[t])
+                order[t] = preference(local, view, scales, t)
             total[:] = 0.0
             for _ in range(textures):
                 t = int(np.argmax(order))
@@ -157,14 +156,12 @@ def shade(
                 order[t] = -2.0
                 first, last = image_ranges[t], image_ranges[t + 1]
                 neighbours(
-                    view[t, 0], view[t, 1], view[t, 2], alphas[first:last], ks[t], limits[t], closings[t],
-                    indices, weights
+                    view[t, 0], view[t, 1], view[t, 2], alphas, first, last, ks[t], limits[t], closings[t], indices,
+                    weights
                 )  # fmt: skip
-                for n in range(4):
-                    indices[n] += first
                 residual_at(
-                    local[t, 0], local[t, 1], local[t, 2], directions, sizes, starts, texels, zero, scales[t],
-                    indices, weights, total
+                    local[t, 0], local[t, 1], local[t, 2], directions, sizes, starts, texels, zero, scales[t, 0],
+                    scales[t, 1], indices, weights, total
                 )  # fmt: skip
                 if total[3] > 0.98:
                     break
@@ -176,29 +173,31 @@ def shade(
 
 
 @helper
-def place(px, py, pz, dx, dy, dz, rotation, origin, scale, local, view):
-    """Bring a world point and the direction to the viewer into a rectangle's frame."""
-    px -= origin[0]
-    py -= origin[1]
-    pz -= origin[2]
-    local[0] = (rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz) * scale[0]
-    local[1] = (rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz) * scale[1]
-    local[2] = -(rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz)
+def place(px, py, pz, dx, dy, dz, rotations, origins, scales, t, local, view):
+    """Bring a world point and the direction to the viewer into rectangle t's frame: row t of local and view."""
+    px -= origins[t, 0]
+    py -= origins[t, 1]
+    pz -= origins[t, 2]
     for r in range(3):
-        view[r] = rotation[r, 0] * dx + rotation[r, 1] * dy + rotation[r, 2] * dz
+        local[t, r] = rotations[t, r, 0] * px + rotations[t, r, 1] * py + rotations[t, r, 2] * pz
+        view[t, r] = rotations[t, r, 0] * dx + rotations[t, r, 1] * dy + rotations[t, r, 2] * dz
+    local[t, 0] *= scales[t, 0]
+    local[t, 1] *= scales[t, 1]
+    local[t, 2] = -local[t, 2]
 
 
 @helper
-def preference(local, view, scale):
-    """How well a texture serves the view ray: 1 + z inside its rectangle, less the distance outside; -1 never."""
-    if view[2] <= 0.02:
+def preference(local, view, scales, t):
+    """How well texture t serves the view ray: 1 + z inside its rectangle, less the distance outside; -1 never."""
+    z = view[t, 2]
+    if z <= 0.02:
         return -1.0
-    u = local[0] + local[2] * view[0] / view[2] * scale[0]
-    v = local[1] + local[2] * view[1] / view[2] * scale[1]
+    u = local[t, 0] + local[t, 2] * view[t, 0] / z * scales[t, 0]
+    v = local[t, 1] + local[t, 2] * view[t, 1] / z * scales[t, 1]
     outside = max(max(-u, u - 1.0), max(-v, v - 1.0))
     if outside <= 0.0:
-        return 1.0 + view[2]
-    return view[2] / (1.0 + outside) - 0.5
+        return 1.0 + z
+    return z / (1.0 + outside) - 0.5
 
 
 @helper

@@ -1,16 +1,16 @@
-"""Fields: what the ray search needs of one source, built once by `prepare`.
+"""Fields: what the searches need of one source, built once by `prepare`.
 
-A field is a grid of cells with bilinear patches in homogeneous coordinates (see :mod:`ibrpipe.core.rays`), the pyramid
-of their depth bounds, and the world-to-field matrix.
+A field is a grid of cells with bilinear patches in homogeneous coordinates (see :mod:`ibrpipe.core.rays`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from ibrpipe.core import patches, quadtree
+from ibrpipe.core import patch_search, patches
 from ibrpipe.errors import RendererError
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
 
@@ -23,58 +23,110 @@ Source = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
 
 
 @dataclass(frozen=True, eq=False)
-class Field:
-    """One source made ready for the ray search.
+class Place:
+    """Where a field lies: homogeneous coordinates of a world point X are ``linear @ (X - origin) + shift``.
 
     Attributes
     ----------
     linear, origin, shift : (4, 3), (3,), (4,) float64
-        Homogeneous field coordinates of a world point X are ``linear @ (X - origin) + shift``.
-    box : (4,) float64
-        Columns and rows of cells, least and greatest depth.
-    grid : (2,) float64
-        Lowest depth of the bounds and steps per depth.
-    front : bool
-        Only hits where the ray passes to greater depth count.
-    nodes, meta : see :mod:`ibrpipe.core.quadtree`
-    slopes : (4,) float64
-        Least and greatest change of depth per cell along u, then along v.
-    leaves : (height, cells, corners, masks)
-        Texel heights of a height field (then `cells` is empty), or the patch of every cell (-1 = none).
-    samples : (P, 4) int32
-        Sample of each patch corner; empty for height fields.
-    color : (H, W, 3) or (S, 3) float32
+    perspective : bool
+        Field depth is -1/z of a perspective frame, not the depth itself.
     """
 
     linear: Array
     origin: Array
     shift: Array
-    box: Array
-    grid: Array
-    front: bool
-    slopes: Array
-    nodes: Array
-    meta: Array
-    leaves: tuple[Array, Array, Array, Array]
-    samples: Array
+    perspective: bool
+
+    def rays(self, camera: Camera) -> tuple[Array, Array]:
+        """(start (4,), turn (4, 3)): field coordinates of a pixel's ray are ``start + t * turn @ (px, py, 1)``."""
+        return self.linear @ (camera.center - self.origin) + self.shift, self.linear @ camera.world_from_pixel
+
+    def pixels(self, camera: Camera) -> Array:
+        """(3, 4) float64, (u, v, d, 1) to homogeneous pixels; the weight is camera depth (perspective: over own z)."""
+        project = camera.K @ camera.R
+        offset = project @ (self.origin - camera.center)
+        if self.perspective:
+            columns = project @ np.linalg.inv(self.linear[[0, 1, 3]])
+            return np.stack([columns[:, 0], columns[:, 1], -offset, columns[:, 2]], axis=1)
+        columns = project @ np.linalg.inv(self.linear[:3])
+        return np.concatenate([columns, (offset - columns @ self.shift[:3])[:, None]], axis=1)
+
+    def reach(self, columns: float, rows: float, depths: Array) -> float:
+        """Size of the field in scene units, from its size in cells and its range of field depths."""
+        if len(depths) == 0:
+            return 0.0
+        if self.perspective:
+            return float(-1.0 / depths.max())
+        sides = np.linalg.norm(np.linalg.inv(self.linear[:3]), axis=0) * (columns, rows, np.ptp(depths))
+        return float(sides.max())
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField:
+    """A height field: `height` (H, W) float32 at texel centres, `color` (H, W, 3); bounds of its blocks of cells."""
+
+    place: Place
+    height: Array
     color: Array
+    low: Array
+    high: Array
+
+    @cached_property
+    def reach(self) -> float:
+        """Size in scene units."""
+        some = np.isfinite(self.low)
+        rows, columns = self.height.shape
+        return self.place.reach(columns, rows, np.concatenate([self.low[some], self.high[some]]))
 
     @property
-    def axis(self) -> Array:
-        """(3,) float64 unit world direction in which depth grows (along a perspective frame's optical axis)."""
-        axis = self.linear[3] if self.shift[3] == 0.0 else np.linalg.inv(self.linear[:3])[:, 2]
-        unit: Array = axis / np.linalg.norm(axis)
-        return unit
+    def cells(self) -> int:
+        """Number of cells."""
+        return (self.height.shape[0] - 1) * (self.height.shape[1] - 1)
 
     @property
     def bytes(self) -> int:
         """Bytes held beyond the source itself."""
-        own = self.nodes.nbytes + self.leaves[1].nbytes
-        return own + self.linear.nbytes + self.meta.nbytes
+        return self.low.nbytes + self.high.nbytes
 
 
-def build_fields(source: Source) -> list[Field]:
-    """Build the fields of one source: one per sheet, patches that lie one behind the other are on different sheets.
+@dataclass(frozen=True, eq=False)
+class PatchField:
+    """The patches of a layered image.
+
+    Attributes
+    ----------
+    corners : (P, 4) float32, field depths
+    masks : (P,) uint8, which corners are samples
+    cells : (P, 2) int32, column and row
+    samples : (P, 4) int32, -1 = none
+    color : (S, 4) float32, linear; fourth 1 where the colour is known, 0 where no photo saw the sample
+    """
+
+    place: Place
+    corners: Array
+    masks: Array
+    cells: Array
+    samples: Array
+    color: Array
+
+    @cached_property
+    def reach(self) -> float:
+        """Size in scene units."""
+        columns, rows = self.cells.max(axis=0, initial=0) + 1
+        return self.place.reach(columns, rows, self.corners)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held beyond the source itself."""
+        return sum(part.nbytes for part in (self.corners, self.masks, self.cells, self.samples, self.color))
+
+
+Field = HeightField | PatchField
+
+
+def build_field(source: Source) -> Field:
+    """Build the field of one source.
 
     Raises
     ------
@@ -84,63 +136,39 @@ def build_fields(source: Source) -> list[Field]:
     if isinstance(source, SpiralTexture):
         source = source.layers
     if isinstance(source, ReliefTexture):
-        return [_height_field(source)] if min(source.height.shape) > 1 else _layer_fields(_thin_layers(source), np.inf)
+        if min(source.height.shape) > 1:
+            return _height_field(source)
+        return _patch_field(_single_layers(source.frame, source.height, source.color), np.inf)
     if isinstance(source, DepthImage):
-        return _layer_fields(_depth_layers(source), UNKNOWN_GAP)
+        return _patch_field(_single_layers(source.camera, source.depth, source.color), UNKNOWN_GAP)
     if isinstance(source, LayeredDepthImage):
-        return _layer_fields(source, UNKNOWN_GAP)
+        return _patch_field(source, UNKNOWN_GAP)
     raise RendererError(
         f"cannot render a {type(source).__name__}; give a ReliefTexture, DepthImage, LayeredDepthImage, "
         "SpiralTexture, Asset, or a list of these"
     )
 
 
-def _transform(frame: ParallelFrame | Camera, first_u: float, first_v: float) -> tuple[Array, Array, Array]:
-    """Return (linear, origin, shift): texel coordinates (first_u, first_v) become cell coordinates (0, 0)."""
+def _place(frame: ParallelFrame | Camera, first: float) -> Place:
+    """Texel coordinates (first, first) become cell coordinates (0, 0)."""
     linear, shift = np.zeros((4, 3)), np.zeros(4)
     if isinstance(frame, Camera):
         linear[[0, 1, 3]] = frame.K @ frame.R
-        linear[0] -= first_u * linear[3]
-        linear[1] -= first_v * linear[3]
+        linear[0] -= first * linear[3]
+        linear[1] -= first * linear[3]
         shift[2] = -1.0
-        return linear, frame.center, shift
+        return Place(linear, frame.center, shift, True)
     linear[:3] = frame.local_from_world
-    shift[:] = (-first_u, -first_v, 0.0, 1.0)
-    return linear, frame.origin, shift
+    shift[:] = (-first, -first, 0.0, 1.0)
+    return Place(linear, frame.origin, shift, False)
 
 
-def _grid(near: float, far: float) -> tuple[Array, float, float]:
-    """Return ((low, scale), least, greatest): the depth range padded, so that its ends are never grazed."""
-    if not near <= far:
-        return np.array([0.0, 1.0]), 1.0, 0.0
-    pad = 1e-4 * (far - near) + 4.0 * float(np.spacing(np.float32(max(abs(near), abs(far), 1e-30))))
-    low, high = near - pad, far + pad
-    return np.array([low, quadtree.STEPS / (high - low)]), low, high
-
-
-def _height_field(source: ReliefTexture) -> Field:
-    height = source.height
-    near, far = np.empty(len(height), np.float32), np.empty(len(height), np.float32)
-    quadtree.measure_heights(height, near, far)
-    grid, low, high = _grid(float(near.min()), float(far.max()))
-    rows, columns = height.shape[0] - 1, height.shape[1] - 1
-    meta = quadtree.plan_levels(rows, columns)
-    nodes = np.empty(meta[-1, 0] + 1, np.uint32)
-    quadtree.pack_heights(height, grid[0], grid[1], nodes)
-    quadtree.build_levels(nodes, meta)
-    linear, origin, shift = _transform(source.frame, 0.5, 0.5)
-    leaves = (height, np.empty(0, np.int32), np.empty((0, 4), np.float32), np.empty(0, np.uint8))
-    box = np.array([columns, rows, low, high])
-    samples = np.empty((0, 4), np.int32)
-    return Field(linear, origin, shift, box, grid, False, np.zeros(4), nodes, meta, leaves, samples, source.color)
-
-
-def _thin_layers(source: ReliefTexture) -> LayeredDepthImage:
-    return _single_layers(source.frame, source.height, source.color)
-
-
-def _depth_layers(source: DepthImage) -> LayeredDepthImage:
-    return _single_layers(source.camera, source.depth, source.color)
+def _height_field(source: ReliefTexture) -> HeightField:
+    rows, columns = source.height.shape[0] - 1, source.height.shape[1] - 1
+    blocks = (-(-rows // patch_search.BLOCK_ROWS), -(-columns // patch_search.BLOCK_COLUMNS))
+    low, high = np.empty(blocks, np.float32), np.empty(blocks, np.float32)
+    patch_search.bound_blocks(source.height, low, high)
+    return HeightField(_place(source.frame, 0.5), source.height, source.color, low, high)
 
 
 def _single_layers(frame: ParallelFrame | Camera, depth: Array, color: Array) -> LayeredDepthImage:
@@ -181,31 +209,16 @@ def _texel_places(layers: LayeredDepthImage) -> tuple[Array, Array]:
     return texel % columns + 0.5, texel // columns + 0.5
 
 
-def _layer_fields(layers: LayeredDepthImage, gap: float) -> list[Field]:
-    columns = layers.shape[1]
+def _patch_field(layers: LayeredDepthImage, gap: float) -> PatchField:
     depth, step, margin = _steps(layers)
     samples, cell = _patches(layers, depth, step, margin, gap)
     corners, masks = np.empty((len(samples), 4), np.float32), np.empty(len(samples), np.uint8)
     patches.fill_corners(samples, depth, step, corners, masks)
-    near, far = np.empty(len(samples)), np.empty(len(samples))
-    patches.measure_patches(corners, masks, near, far)
-    fields = []
-    for chosen in _sheets(cell, near + far):
-        first_row, first_column = (cell[chosen] // (columns + 1)).min(), (cell[chosen] % (columns + 1)).min()
-        row, column = cell[chosen] // (columns + 1) - first_row, cell[chosen] % (columns + 1) - first_column
-        cells = np.full((row.max() + 1, column.max() + 1), -1, np.int32)
-        cells[row, column] = chosen
-        grid, low, high = _grid(float(near[chosen].min()), float(far[chosen].max()))
-        meta = quadtree.plan_levels(*cells.shape)
-        nodes = np.empty(meta[-1, 0] + 1, np.uint32)
-        patches.pack_patches(cells.ravel(), near, far, grid[0], grid[1], nodes)
-        quadtree.build_levels(nodes, meta)
-        place = _transform(layers.frame, first_column - 0.5, first_row - 0.5)
-        box = np.array([cells.shape[1], cells.shape[0], low, high])
-        leaves = (np.empty((0, 0), np.float32), cells.ravel(), corners, masks)
-        slopes = _slopes(corners[chosen])
-        fields.append(Field(*place, box, grid, True, slopes, nodes, meta, leaves, samples, layers.color))
-    return fields
+    columns = layers.shape[1] + 1
+    cells = np.stack([cell % columns, cell // columns], axis=1).astype(np.int32)
+    seen = np.ones(len(depth)) if layers.observers is None else layers.observers > 0
+    color = np.column_stack([layers.color, seen]).astype(np.float32)
+    return PatchField(_place(layers.frame, -0.5), corners, masks, cells, samples, color)
 
 
 def _patches(layers: LayeredDepthImage, depth: Array, step: Array, margin: Array, gap: float) -> tuple[Array, Array]:
@@ -219,22 +232,3 @@ def _patches(layers: LayeredDepthImage, depth: Array, step: Array, margin: Array
     samples = np.empty((int(starts[-1]), 4), np.int32)
     patches.group_cells(layers.offsets, links, starts, counts, samples)
     return samples, np.repeat(np.arange(counts.size), counts.ravel())
-
-
-def _sheets(cell: Array, depth: Array) -> list[Array]:
-    """Return the patches of each sheet: of every cell the nearest, the second nearest, and so on."""
-    order = np.lexsort((depth, cell))
-    new = np.r_[True, np.diff(cell[order]) > 0][: len(order)]
-    starts = np.flatnonzero(new)
-    rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.r_[starts, len(order)]))
-    return [order[rank == k] for k in range(int(rank.max(initial=-1)) + 1)]
-
-
-def _slopes(corners: Array) -> Array:
-    """Return least and greatest change of depth per cell along u, then along v, of bilinear patches (P, 4)."""
-    c = corners.astype(np.float64)
-    along_u, along_v = (
-        np.stack([c[:, 1] - c[:, 0], c[:, 3] - c[:, 2]]),
-        np.stack([c[:, 2] - c[:, 0], c[:, 3] - c[:, 1]]),
-    )
-    return np.array([along_u.min(), along_u.max(), along_v.min(), along_v.max()])

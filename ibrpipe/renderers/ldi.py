@@ -1,7 +1,7 @@
 """The `ldi` renderer: nearest hit over all fields, then colour, then (where there are any) spiral residuals.
 
 Source: gong-yang, sec. 5: the view-independent picture is complete before the residual pass starts. The surface that
-is hit, and its departures from the paper, stand in ``docs/renderers/ldi.md``.
+is hit, the two searches, and the departures from the paper stand in ``docs/renderers/ldi.md``.
 """
 
 from __future__ import annotations
@@ -9,78 +9,130 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
+from functools import cached_property
 from time import perf_counter
 from typing import Any
 
 import numba
 import numpy as np
 
-from ibrpipe.core import ldi_packets, ldi_shade
+from ibrpipe.core import ldi_shade, patch_search
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers import residual_pass
 from ibrpipe.renderers.api import Prepared, Source
 from ibrpipe.renderers.api import prepare as prepare_source
-from ibrpipe.renderers.fields import Field, build_fields
+from ibrpipe.renderers.fields import HeightField, PatchField, build_field
+from ibrpipe.renderers.pyramids import Sheet, build_sheets
 from ibrpipe.types import Array, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
 
 Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
 
-#: loaded only for textures with residuals
-_RESIDUAL_PASS = "ibrpipe.renderers.residual_pass"
-
-_NO_INDEX = np.empty((0, 0), np.int16)
-_NO_PATCHES = np.empty((0, 0), np.int32)
-_NO_PLACES = np.empty((0, 0, 2), np.float32)
+SEARCHES = ("auto", "patches", "quadtree")
+#: cells or patches per pixel above which `auto` asks the rays rather than the patches
+CROWDED = 16
+#: depth that still belongs to the eye itself, where it touches a surface; share of a field's size
+EYE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Fields:
-    """All fields of a prepared source with their textures' numbers, and what the residual pass prepared for these."""
+class Scene:
+    """All fields of a prepared source.
 
-    fields: tuple[tuple[int, Field], ...]
-    textures: tuple[Texture, ...]
-    residuals: Any
+    Patches of layered images are numbered in the order of `patches`; the cells of height fields follow.
+
+    Attributes
+    ----------
+    patches : tuple of (texture number, PatchField)
+    heights : tuple of (texture number, HeightField, number of its first cell)
+    residuals : Tables of the residual pass, or None
+    """
+
+    patches: tuple[tuple[int, PatchField], ...]
+    heights: tuple[tuple[int, HeightField, int], ...]
+    residuals: residual_pass.Tables | None
 
     @property
     def bytes(self) -> int:
         """Bytes held beyond the sources."""
-        return sum(field.bytes for _, field in self.fields)
+        fields = [field for _, field in self.patches] + [field for _, field, _ in self.heights]
+        return sum(field.bytes for field in fields) + (self.residuals.bytes if self.residuals else 0)
+
+    @property
+    def cells(self) -> int:
+        """Cells and patches of all fields."""
+        return int(self.firsts[-1]) + sum(field.cells for _, field, _ in self.heights)
+
+    @cached_property
+    def firsts(self) -> Array:
+        """(F + 1,) int64: number of every layered image's first patch."""
+        return np.cumsum([0] + [len(field.corners) for _, field in self.patches])
+
+    @cached_property
+    def joined(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Corners (4, P), masks, cells (2, P), samples and colours of all patches, joined."""
+        fields = [field for _, field in self.patches]
+        shifts = np.cumsum([0] + [len(field.color) for field in fields])
+        samples = [np.where(f.samples >= 0, f.samples + n, -1) for f, n in zip(fields, shifts, strict=False)]
+        return (
+            np.ascontiguousarray(np.concatenate([f.corners for f in fields]).T),
+            np.concatenate([f.masks for f in fields]),
+            np.ascontiguousarray(np.concatenate([f.cells for f in fields]).T, np.float32),
+            np.concatenate(samples).astype(np.int32),
+            np.concatenate([f.color for f in fields]),
+        )
+
+    @cached_property
+    def blocks(self) -> Array:
+        """(B, 3) int64: field, first and last patch of every block of work."""
+        size, rows = patch_search.BLOCK, []
+        for field, (first, last) in enumerate(zip(self.firsts[:-1], self.firsts[1:], strict=True)):
+            rows += [(field, start, min(start + size, last)) for start in range(first, last, size)]
+        return np.array(rows, np.int64).reshape(-1, 3)
+
+    @cached_property
+    def sheets(self) -> list[Sheet]:
+        """Pyramids of all fields, for the ray search."""
+        parts = [build_sheets(field, int(n)) for (_, field), n in zip(self.patches, self.firsts, strict=False)]
+        parts += [build_sheets(field, base) for _, field, base in self.heights]
+        return [sheet for part in parts for sheet in part]
 
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """What every pixel's ray meets first.
-
-    Attributes
-    ----------
-    depth : (H, W) float32
-        Along camera z, +inf = nothing.
-    texture : (H, W) int16
-        Index of the source that is hit, -1 = none; (0, 0) when it was not asked for.
-    patch : (H, W) int32
-        Cell (height fields) or patch (layered images) that is hit.
-    place : (H, W, 2) float32
-        Where in the cell, 0 to 1 along u and v.
-    """
+    """Nearest hit of every pixel: camera depth (H, W) float32 (+inf = none) and number (H, W) uint32."""
 
     depth: Array
-    texture: Array
-    patch: Array
-    place: Array
+    ids: Array
 
 
-def prepare(textures: tuple[Texture, ...]) -> Fields:
-    """Build the pyramids of all textures, and the residual pass' tables where there are residuals."""
-    tables = None
-    if any(isinstance(texture, SpiralTexture) and texture.residuals is not None for texture in textures):
-        tables = import_module(_RESIDUAL_PASS).prepare(textures)
-    fields = tuple((number, field) for number, texture in enumerate(textures) for field in build_fields(texture))
-    return Fields(fields, textures, tables)
+def prepare(textures: tuple[Texture, ...]) -> Scene:
+    """Build the fields of all textures, and the residual pass' tables where there are residuals."""
+    fields = [(number, build_field(texture)) for number, texture in enumerate(textures)]
+    layered = tuple((number, field) for number, field in fields if isinstance(field, PatchField))
+    base = sum(len(field.corners) for _, field in layered)
+    heights = []
+    for number, field in fields:
+        if isinstance(field, HeightField):
+            heights.append((number, field, base))
+            base += field.cells
+    if base >= 2**32 - 1:
+        raise RendererError(
+            f"the sources have {base} cells together; 4294967294 can be told apart: render fewer at once"
+        )
+    modelled = any(isinstance(texture, SpiralTexture) and texture.residuals is not None for texture in textures)
+    return Scene(layered, tuple(heights), residual_pass.prepare(textures) if modelled else None)
 
 
-def draw(fields: Fields, camera: Camera, outputs: tuple[str, ...], residuals: bool = True, threads: int = 0) -> Frame:
+def draw(
+    scene: Scene,
+    camera: Camera,
+    outputs: tuple[str, ...],
+    residuals: bool = True,
+    threads: int = 0,
+    search: str = "auto",
+) -> Frame:
     """Render one frame; see `ibrpipe.render`."""
-    *_, frame = _passes(fields, camera, outputs, residuals, threads)
+    *_, frame = _passes(scene, camera, outputs, residuals, threads, search)
     return frame
 
 
@@ -90,32 +142,39 @@ def render_progressive(source: Source, camera: Camera, threads: int = 0) -> Iter
     Source: gong-yang, sec. 5.1, "progressive": the first frame is complete before the residual pass starts.
     """
     prepared = source if isinstance(source, Prepared) else prepare_source(source, "ldi")
-    yield from _passes(prepare_source(prepared, "ldi").data, camera, ("color", "depth", "alpha"), True, threads)
+    scene = prepare_source(prepared, "ldi").data
+    for frame in _passes(scene, camera, ("color", "depth", "alpha"), True, threads, "auto"):
+        color = None if frame.color is None else frame.color.copy()
+        yield Frame(color, frame.depth, frame.alpha, frame.stats)
 
 
-def _passes(fields: Fields, camera: Camera, outputs: tuple[str, ...], residuals: bool, threads: int) -> Iterator[Frame]:
+def _passes(
+    scene: Scene, camera: Camera, outputs: tuple[str, ...], residuals: bool, threads: int, search: str
+) -> Iterator[Frame]:
+    """Yield the view-independent frame and then, in the same colour array, the complete one."""
     began = perf_counter()
+    stats: dict[str, Any] = {"rays": camera.width * camera.height}
     with limited_threads(threads):
-        hits = find_hits(fields, camera, detail="color" in outputs)
-        color = shade_hits(fields, hits) if "color" in outputs else None
-        first = _frame(hits, color, outputs, began)
-    if color is None or not residuals or fields.residuals is None:
-        yield first
-        return
-    yield first
-    with limited_threads(threads):
-        full = color.copy()
-        import_module(_RESIDUAL_PASS).add(fields.residuals, full, hits.depth, hits.texture, camera)
-        yield _frame(hits, full, outputs, began)
+        hits = find_hits(scene, camera, search)
+        color, known = shade_hits(scene, hits, camera) if {"color", "alpha"} & set(outputs) else (None, None)
+        if known is not None:
+            stats["hits"] = int(np.count_nonzero(known))
+        stats["milliseconds"] = 1e3 * (perf_counter() - began)
+        yield _frame(hits, color, known, outputs, stats)
+        if color is not None and "color" in outputs and residuals and scene.residuals is not None:
+            stats["without_residual"] = residual_pass.add(scene.residuals, color, hits.depth, camera)
+            stats["milliseconds"] = 1e3 * (perf_counter() - began)
+            yield _frame(hits, color, known, outputs, stats)
 
 
-def _frame(hits: Hits, color: Array | None, outputs: tuple[str, ...], began: float) -> Frame:
-    hit = np.isfinite(hits.depth) if "alpha" in outputs else None
-    stats: dict[str, Any] = {"rays": int(hits.depth.size), "milliseconds": 1e3 * (perf_counter() - began)}
-    if hit is not None:
-        stats["hits"] = int(np.count_nonzero(hit))
+def _frame(
+    hits: Hits, color: Array | None, known: Array | None, outputs: tuple[str, ...], stats: dict[str, Any]
+) -> Frame:
     return Frame(
-        color, hits.depth if "depth" in outputs else None, None if hit is None else hit.astype(np.float32), stats
+        color if "color" in outputs else None,
+        hits.depth if "depth" in outputs else None,
+        known if "alpha" in outputs else None,
+        dict(stats),
     )
 
 
@@ -132,79 +191,71 @@ def limited_threads(threads: int) -> Iterator[None]:
         numba.set_num_threads(before)
 
 
-def find_hits(fields: Fields, camera: Camera, detail: bool = True) -> Hits:
+def find_hits(scene: Scene, camera: Camera, search: str = "auto") -> Hits:
     """Find the nearest hit of every pixel's ray over all fields.
 
     Parameters
     ----------
-    detail : bool
-        Also record which texture and patch is hit, and where; colour needs it.
+    search : {"auto", "patches", "quadtree"}
+        Project the patches, or walk every ray through the pyramids; both find the same hits.
+
+    Raises
+    ------
+    RendererError
+        Unknown search.
     """
-    shape = (camera.height, camera.width)
-    depth = np.full(shape, np.inf, np.float32)
-    index = np.full(shape, -1, np.int16) if detail else _NO_INDEX
-    patch = np.empty(shape, np.int32) if detail else _NO_PATCHES
-    place = np.empty((*shape, 2), np.float32) if detail else _NO_PLACES
-    for number, field in _best_first(fields, camera):
-        window = find_window(field, camera)
-        if window[0] >= window[1] or window[2] >= window[3]:
-            continue
-        start = field.linear @ (camera.center - field.origin) + field.shift
-        turn = field.linear @ camera.world_from_pixel
-        ldi_packets.search_tiles(
-            start, turn, field.box, field.grid, field.front, field.slopes, field.nodes, field.meta, *field.leaves,
-            window, depth, index, number, patch, place,
-        )  # fmt: skip
-    return Hits(depth, index, patch, place)
-
-
-def _best_first(fields: Fields, camera: Camera) -> list[tuple[int, Field]]:
-    """Return the fields that face the camera first: what they hit shortens the search of the others."""
-    facing = np.array([field.axis @ camera.R[2] for _, field in fields.fields])
-    return [fields.fields[k] for k in np.argsort(-facing, kind="stable")]
-
-
-def find_window(field: Field, camera: Camera) -> Array:
-    """Return (x0, x1, y0, y1) int64: the pixels whose rays may meet the field's box."""
-    whole = np.array([0, camera.width, 0, camera.height])
-    if not field.box[2] <= field.box[3]:
-        return np.zeros(4, np.int64)
-    pixel = _box_in_camera(field, camera)
-    if pixel is None or not (pixel[:, 2] > 1e-9 * np.abs(pixel).max()).all():
-        return whole
-    x, y = pixel[:, 0] / pixel[:, 2], pixel[:, 1] / pixel[:, 2]
-    limits = np.array([x.min() - 1.0, x.max() + 1.0, y.min() - 1.0, y.max() + 1.0])
-    window: Array = np.clip(limits, 0, whole[[1, 1, 3, 3]]).astype(np.int64)
-    return window
-
-
-def _box_in_camera(field: Field, camera: Camera) -> Array | None:
-    """Return homogeneous pixels (8, 3) of the corners of the field's box."""
-    u, v, d = np.meshgrid((0.0, field.box[0]), (0.0, field.box[1]), field.box[2:], indexing="ij")
-    corners = np.stack([u.ravel(), v.ravel(), d.ravel()], axis=1)
-    rows = field.linear
-    if field.shift[3] == 0.0:  # perspective: d = -1/z, (x, y, q) = rows @ offset
-        z = -1.0 / corners[:, 2]
-        local = np.stack([corners[:, 0] * z, corners[:, 1] * z, z], axis=1)
-        offset = np.linalg.solve(rows[[0, 1, 3]], local.T).T
+    if search not in SEARCHES:
+        raise RendererError(f"search is {search!r}; choose among: {', '.join(SEARCHES)}")
+    pixels = camera.width * camera.height
+    by_rays = search == "quadtree" or (search == "auto" and scene.cells > CROWDED * pixels)
+    chunks = 1 if by_rays else numba.get_num_threads()
+    depth = np.full((chunks, camera.height, camera.width), np.inf, np.float32)
+    ids = np.full(depth.shape, 2**32 - 1, np.uint32)
+    if by_rays:
+        for sheet in scene.sheets:
+            sheet.search(camera, depth[0], ids[0])
     else:
-        offset = np.linalg.solve(rows[:3], (corners - field.shift[:3]).T).T
-    point = (offset + (field.origin - camera.center)) @ camera.R.T
-    return point @ camera.K.T
+        _project(scene, camera, depth, ids)
+        if chunks > 1:
+            patch_search.merge(depth, ids)
+    return Hits(depth[0], ids[0])
 
 
-def shade_hits(fields: Fields, hits: Hits) -> Array:
-    """Return the (H, W, 3) view-independent colour of `hits`, 0 where nothing is hit."""
-    color = np.zeros((*hits.depth.shape, 3), np.float32)
-    window = np.array([0, hits.depth.shape[1], 0, hits.depth.shape[0]])
-    done: set[int] = set()
-    for number, field in fields.fields:
-        if number in done:
-            continue
-        done.add(number)
-        where = (hits.texture, number, hits.patch, hits.place, window)
-        if len(field.samples):
-            ldi_shade.shade_patches(*where, field.samples, field.color, color)
-        else:
-            ldi_shade.shade_heights(*where, field.color, color)
-    return color
+def _project(scene: Scene, camera: Camera, depth: Array, ids: Array) -> None:
+    if scene.patches:
+        places = [field.place for _, field in scene.patches]
+        starts, turns = (np.stack(part) for part in zip(*(place.rays(camera) for place in places), strict=True))
+        pixels = np.stack([place.pixels(camera) for place in places])
+        eyes = np.array([EYE * field.reach for _, field in scene.patches])
+        signs = np.sign(np.linalg.det(pixels[:, :, :3])) * np.sign(starts[:, 3])  # the line to an eye behind a frame's
+        perspective = np.array([place.perspective for place in places])
+        patch_search.project_patches(
+            *scene.joined[:3], scene.blocks, pixels, pack_rays(starts, turns), eyes, signs, perspective, depth, ids
+        )
+    for _, field, base in scene.heights:
+        start, turn = field.place.rays(camera)
+        rows, columns = field.height.shape
+        descending = (bool(start[1] > 0.5 * rows), bool(start[0] > 0.5 * columns))
+        patch_search.project_heights(
+            field.height, field.low, field.high, field.place.pixels(camera), pack_rays(start, turn), EYE * field.reach,
+            descending, base, depth, ids,
+        )  # fmt: skip
+
+
+def pack_rays(start: Array, turn: Array) -> Array:
+    """(..., 16) float64: start (..., 4), then turn (..., 4, 3) row by row, for the projecting kernels."""
+    return np.concatenate([start, turn.reshape(*turn.shape[:-2], 12)], axis=-1)
+
+
+def shade_hits(scene: Scene, hits: Hits, camera: Camera) -> tuple[Array, Array]:
+    """Return the view-independent colour (H, W, 3) of `hits` and where it is known (H, W), float32."""
+    color, known = np.zeros((*hits.depth.shape, 3), np.float32), np.zeros(hits.depth.shape, np.float32)
+    if scene.patches:
+        rays = [field.place.rays(camera) for _, field in scene.patches]
+        starts, turns = (np.stack(part) for part in zip(*rays, strict=True))
+        cells, samples, colors = scene.joined[2:]
+        ldi_shade.shade_patches(hits.depth, hits.ids, cells, samples, scene.firsts, starts, turns, colors, color, known)
+    for _, field, base in scene.heights:
+        start, turn = field.place.rays(camera)
+        ldi_shade.shade_heights(hits.depth, hits.ids, base, start, turn, field.color, color, known)
+    return color, known

@@ -45,12 +45,13 @@ _RENDERERS = (
     Renderer(
         name="ldi",
         module="ibrpipe.renderers.ldi",
-        summary="Exact nearest hit by ray search through min/max pyramids, with depth-corrected spiral residuals.",
+        summary="Exact nearest hit by projected patches or a quadtree; depth-corrected spiral residuals.",
         paper="gong-yang, sec. 5",
         limits="Pinhole cameras; nearest surface only, no transparency.",
         accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Asset"),
         options={
             "residuals": "add the view-dependent residuals where a texture has them (default True)",
+            "search": "auto, patches or quadtree: how hits are found; both find the same (default auto)",
             "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
         },
     ),

@@ -78,14 +78,13 @@ def _packed(residuals: SpiralResiduals) -> Array:
     return np.concatenate([residuals.texels, residuals.valid[:, None].astype(residuals.texels.dtype)], axis=1)
 
 
-def add(tables: Tables, color: Array, depth: Array, texture: Array, camera: Camera) -> int:
+def add(tables: Tables, color: Array, depth: Array, camera: Camera) -> int:
     """Add residuals to a view-independent picture in place.
 
     Parameters
     ----------
     color : (H, W, 3) float32, linear
     depth : (H, W) float32, along camera z, +inf where nothing is hit
-    texture : (H, W) int16, unused: the rectangle that a view ray passes decides, not the layer that it hits
 
     Returns
     -------

@@ -31,9 +31,11 @@ def test_visibility_as_twin():
     counts = dict.fromkeys(NAMES, 0)
     for point, normal in zip(points, normals):
         for p, photo in enumerate(photos):
-            corners = np.zeros((4, 2))
-            args = projection[p], centers[p], *sizes[p], starts[p], depth, mask, COS_MIN, SLACK, corners
+            filled = np.zeros((2, 4, 2))
+            args = p, projection, centers, sizes, starts, depth, mask, COS_MIN, SLACK, filled, 1
             quality = see(*point, *normal.astype(float), *args)
+            corners = filled[1]
+            assert not filled[0].any()
             name, wanted = photo_twin.seen_color(photo, point, normal, COS_MIN, SLACK)
             counts[name] += 1
             assert quality == NAMES[name]
@@ -112,4 +114,4 @@ def test_what_stands_before_never_bleeds_in():
 def test_focal_length_of_a_projection():
     (photo,) = random_photos(1, 8)
     camera = photo.camera
-    assert focal_length(camera.K @ camera.cam_from_world) == pytest.approx(camera.K[0, 0])
+    assert focal_length((camera.K @ camera.cam_from_world)[None], 0) == pytest.approx(camera.K[0, 0])

@@ -111,8 +111,8 @@ def test_closing_the_horizon_covers_it():
 @pytest.mark.parametrize("value", [-1.0, 0.0, 0.5, 1.0, 2.9, 3.0, 99.0])
 def test_lower_bound_equals_searchsorted(value):
     alphas = np.array([0.0, 1.0, 1.0, 2.5, 3.0])
-    assert spiral.lower_bound(alphas, value) == np.searchsorted(alphas, value, side="right") - 1
+    assert spiral.lower_bound(alphas, 0, len(alphas), value) == np.searchsorted(alphas, value, side="right") - 1
 
 
 def test_lower_bound_of_nothing():
-    assert spiral.lower_bound(np.empty(0), 1.0) == -1
+    assert spiral.lower_bound(np.empty(0), 0, 0, 1.0) == -1

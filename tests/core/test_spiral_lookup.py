@@ -27,7 +27,7 @@ def ask(ways, k, closed):
     alphas, limit, closing, _ = parts(k, closed)
     indices, weights = np.full((len(ways), 4), -1), np.full((len(ways), 4), np.nan)
     for i, (x, y, z) in enumerate(ways):
-        neighbours(float(x), float(y), float(z), alphas, k, limit, closing, indices[i], weights[i])
+        neighbours(float(x), float(y), float(z), alphas, 0, len(alphas), k, limit, closing, indices[i], weights[i])
     return indices, weights
 
 
@@ -148,7 +148,7 @@ def test_residuals_as_twin_with_holes_and_borders():
         point[2] *= 0.3
         weights[rng.integers(4)] = 0.0
         total = np.zeros(4)
-        residual_at(*point, ways, sizes, starts, texels, zero, scale, indices, weights, total)
+        residual_at(*point, ways, sizes, starts, texels, zero, *scale, indices, weights, total)
         wanted = spiral_twin.residual_at(point, weights, [images[i] for i in indices], scale)
         np.testing.assert_allclose(total, wanted, atol=1e-9)
         found += total[3] > 0
@@ -168,7 +168,7 @@ def test_depth_correction_reads_the_same_surface_point():
         total = np.zeros(4)
         residual_at(
             0.5, 0.5, depth, way, np.array([[size, size]], np.int32), np.array([0, size * size]), texels, np.zeros(1),
-            np.array([0.5, 0.25]), np.zeros(4, np.int64), np.array([1.0, 0, 0, 0]), total
+            0.5, 0.25, np.zeros(4, np.int64), np.array([1.0, 0, 0, 0]), total
         )  # fmt: skip
         np.testing.assert_allclose(total, (0, 0, 0, 1), atol=1e-6)
 

@@ -46,18 +46,19 @@ def middle(frame, shape, depth):
 
 
 def check(source, camera, flips=0.01, tight=2e-6):
-    """The frame's depth lies between the hits of slightly larger and slightly smaller patches, at every pixel."""
-    frame = ibrpipe.render(source, camera)
-    got = frame.depth.astype(float)
+    """Both searches' depths lie between the hits of slightly larger and slightly smaller patches, at every pixel."""
     larger, smaller = ldi_twin.cast(source, camera, 1e-6), ldi_twin.cast(source, camera, -1e-6)
     room = tight * np.where(np.isfinite(larger), larger, 0.0)
-    assert not np.isnan(got).any()
-    assert (got >= larger - room).all()
-    assert (got <= smaller + np.where(np.isfinite(smaller), tight * smaller, 0.0)).all()
     same = np.isclose(larger, smaller, rtol=1e-5, atol=0)
     assert np.mean(~same) <= flips
-    assert (frame.alpha == np.isfinite(frame.depth)).all()
-    assert np.isfinite(frame.color).all()
+    for search in ("patches", "quadtree"):
+        frame = ibrpipe.render(source, camera, search=search)
+        got = frame.depth.astype(float)
+        assert not np.isnan(got).any()
+        assert (got >= larger - room).all()
+        assert (got <= smaller + np.where(np.isfinite(smaller), tight * smaller, 0.0)).all()
+        assert (frame.alpha == np.isfinite(frame.depth)).all()
+        assert np.isfinite(frame.color).all()
     return frame
 
 
@@ -138,14 +139,15 @@ def hard_height(kind):
 def test_hard_eyes(kind, eye, target):
     camera = Camera.look_at(eye, target, fov_y_deg=50, width=33, height=27)
     source = relief(PLAIN, hard_height(kind))
-    frame = ibrpipe.render(source, camera)
     larger, smaller = ldi_twin.cast(source, camera, 1e-6), ldi_twin.cast(source, camera, -1e-6)
-    assert not np.isnan(frame.depth).any()
     clear = np.isfinite(larger) & np.isclose(larger, smaller, rtol=1e-6, atol=0) & (larger > 1e-3)
-    error = np.abs(frame.depth[clear] - larger[clear]) / larger[clear]
-    assert (error > 1e-4).sum() <= 1
-    lost = ~np.isfinite(larger) & np.isfinite(frame.depth)
-    assert lost.sum() == 0
+    for search in ("patches", "quadtree"):
+        frame = ibrpipe.render(source, camera, search=search)
+        assert not np.isnan(frame.depth).any()
+        error = np.abs(frame.depth[clear] - larger[clear]) / larger[clear]
+        assert (error > 1e-4).sum() <= 1
+        lost = ~np.isfinite(larger) & np.isfinite(frame.depth)
+        assert lost.sum() == 0
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.25, 0.5])

@@ -1,0 +1,421 @@
+"""Nearest hit of every pixel by projecting patches: each patch meets exactly the rays whose pixels it covers.
+
+The search of gong-yang (sec. 5.1) asks of every ray which patches it meets; here every patch asks which rays may meet
+it, and those are intersected exactly, so both find the same hits. It costs a projection per patch and an intersection
+per covered pixel, whatever the number of layers and textures. Coordinates: :mod:`ibrpipe.core.rays`.
+
+Symbols: ``pixel`` (3, 4) takes (u, v, d, 1) to homogeneous pixels (x w, y w, w); i, j cell of a patch, a b c e its
+corner depths; on a ray all of u q - i q, v q - j q and d q - a q are linear in t, so the bilinear patch is met where a
+quadratic in t vanishes. A hit (t, id) replaces another when t is less, or equal with a lesser id: whatever the order
+of patches and the number of threads, the same one wins.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import prange
+
+from ibrpipe.core.jit import fused, helper, inlined, kernel, ordered
+
+#: how far, in cells, a hit may lie outside its cell, so that none falls between two
+OVERLAP = 1e-9
+#: pixels by which a projected patch is widened, so that rounding loses no ray
+WIDEN = 0.02
+#: cells of a block of a height field along v and u
+BLOCK_ROWS, BLOCK_COLUMNS = 16, 64
+#: rays on the list of those to be met together
+LIST = 1024
+#: patches that are projected together
+BLOCK = 256
+
+
+@fused
+def list_rays(x0, y0, x1, y1, least, i, j, a, b, c, e, mask, near, number, listed, count, rays, eye, front, depth, ids):
+    # put the rays of all pixels between (x0, y0) and (x1, y1), both included, on the list of those to be met with the
+    # patch of cell (i, j), corners a (0, 0), b (1, 0), c (0, 1), e (1, 1) -> how many are listed now. No hit is nearer
+    # than camera depth `least`; near: camera depth of the patch, roughly, from where ray parameters are counted
+    for y in range(y0, y1 + 1):
+        for x in range(x0, x1 + 1):
+            if least > depth[y, x]:
+                continue
+            if mask != 15:
+                t = meet_ray(x, y, i, j, a, b, c, e, mask, near, rays, eye, front)
+                if t < np.inf:
+                    improve(depth, ids, y, x, t, number)
+                continue
+            listed[count], listed[LIST + count] = x, y
+            listed[2 * LIST + count], listed[3 * LIST + count] = i, j
+            listed[4 * LIST + count], listed[5 * LIST + count] = a, b
+            listed[6 * LIST + count], listed[7 * LIST + count] = c, e
+            listed[8 * LIST + count], listed[9 * LIST + count] = near, number
+            count += 1
+            if count == LIST:
+                meet_listed(listed, count, rays, eye, front, depth, ids)
+                count = 0
+    return count
+
+
+@ordered
+def meet_listed(listed, count, rays, eye, front, depth, ids):
+    # meet all listed rays in one loop without branches, then enter the hits; rays (16,): start (4,), then turn (4, 3)
+    r00, r01, r02, r10, r11, r12 = rays[4], rays[5], rays[6], rays[7], rays[8], rays[9]
+    r20, r21, r22, r30, r31, r32 = rays[10], rays[11], rays[12], rays[13], rays[14], rays[15]
+    s0, s1, s2, s3 = rays[0], rays[1], rays[2], rays[3]
+    any_side = not front
+    for n in range(count):
+        px, py = listed[n] + 0.5, listed[LIST + n] + 0.5
+        i, j = listed[2 * LIST + n], listed[3 * LIST + n]
+        a, b, c, e = listed[4 * LIST + n], listed[5 * LIST + n], listed[6 * LIST + n], listed[7 * LIST + n]
+        near = listed[8 * LIST + n]
+        dq = r30 * px + r31 * py + r32
+        du = r00 * px + r01 * py + r02 - i * dq
+        dv = r10 * px + r11 * py + r12 - j * dq
+        twist = a - b - c + e
+        dl = r20 * px + r21 * py + r22 - a * dq - (b - a) * du - (c - a) * dv
+        u, v, q = s0 - i * s3 + near * du, s1 - j * s3 + near * dv, s3 + near * dq
+        height = s2 - a * s3 - (b - a) * (s0 - i * s3) - (c - a) * (s1 - j * s3) + near * dl
+        A = dq * dl - twist * du * dv
+        B = q * dl + dq * height - twist * (u * dv + v * du)
+        C = q * height - twist * u * v
+        square = B * B - 4.0 * A * C
+        w = -0.5 * (B + math.copysign(math.sqrt(square if square > 0.0 else 0.0), B))
+        one, two = C / w, w / A  # infinite or NaN where there is no such root: no comparison below then holds
+        wide_one, wide_two = q + one * dq, q + two * dq
+        p, r, slack = u + one * du, v + one * dv, OVERLAP * wide_one
+        good_one = (-slack <= p) & (-slack <= r) & (p <= wide_one + slack) & (r <= wide_one + slack)
+        good_one &= (near + one > eye) & (wide_one > 0.0) & (square >= 0.0)
+        good_one &= any_side | (2.0 * A * one + B > 0.0)
+        p, r, slack = u + two * du, v + two * dv, OVERLAP * wide_two
+        good_two = (-slack <= p) & (-slack <= r) & (p <= wide_two + slack) & (r <= wide_two + slack)
+        good_two &= (near + two > eye) & (wide_two > 0.0) & (square >= 0.0)
+        good_two &= any_side | (2.0 * A * two + B > 0.0)
+        one = one if good_one else np.inf
+        two = two if good_two else np.inf
+        listed[10 * LIST + n] = near + (one if one < two else two)
+    for n in range(count):
+        t = listed[10 * LIST + n]
+        if t < np.inf:
+            improve(depth, ids, int(listed[LIST + n]), int(listed[n]), t, np.uint32(listed[9 * LIST + n]))
+
+
+@ordered
+def meet_ray(x, y, i, j, a, b, c, e, mask, near, rays, eye, front):
+    # as meet_listed, one ray with a patch of which only some quadrants count -> camera depth, inf if it is not hit
+    px, py = x + 0.5, y + 0.5
+    dq = rays[13] * px + rays[14] * py + rays[15]
+    du = rays[4] * px + rays[5] * py + rays[6] - i * dq
+    dv = rays[7] * px + rays[8] * py + rays[9] - j * dq
+    along_u, along_v, twist = b - a, c - a, a - b - c + e
+    dl = rays[10] * px + rays[11] * py + rays[12] - a * dq - along_u * du - along_v * dv
+    su, sv = rays[0] - i * rays[3], rays[1] - j * rays[3]
+    u, v, q = su + near * du, sv + near * dv, rays[3] + near * dq
+    height = rays[2] - a * rays[3] - along_u * su - along_v * sv + near * dl
+    A = dq * dl - twist * du * dv
+    B = q * dl + dq * height - twist * (u * dv + v * du)
+    C = q * height - twist * u * v
+    square = B * B - 4.0 * A * C
+    if not square >= 0.0:
+        return np.inf
+    w = -0.5 * (B + math.copysign(math.sqrt(square), B))
+    best = np.inf
+    for root in (C / w, w / A):
+        if root < best and near + root > eye and not (front and 2.0 * A * root + B <= 0.0):
+            wide = q + root * dq
+            p, r, slack = u + root * du, v + root * dv, OVERLAP * wide
+            if wide > 0.0 and -slack <= p <= wide + slack and -slack <= r <= wide + slack:
+                low = p <= 0.5 * wide
+                quadrant = (1 if low else 2) if r <= 0.5 * wide else (4 if low else 8)
+                if mask & quadrant:
+                    best = root
+    return near + best
+
+
+@inlined
+def improve(depth, ids, y, x, t, number):
+    # enter a hit into one thread's picture
+    t32 = np.float32(t)
+    if t32 < depth[y, x] or (t32 == depth[y, x] and number < ids[y, x]):
+        depth[y, x], ids[y, x] = t32, number
+
+
+@helper
+def outside(x, y, w, width, height):
+    # homogeneous corners (n,): are they all beyond one side of the picture, or behind the eye?
+    left, right, above, below, behind = True, True, True, True, True
+    for k in range(len(w)):
+        if not x[k] < -WIDEN * w[k]:
+            left = False
+        if not x[k] > (width + WIDEN) * w[k]:
+            right = False
+        if not y[k] < -WIDEN * w[k]:
+            above = False
+        if not y[k] > (height + WIDEN) * w[k]:
+            below = False
+        if w[k] > 0.0:
+            behind = False
+    return left or right or above or below or behind
+
+
+@helper
+def hidden(x, y, w, least, depth):
+    # is every pixel that a block (8 corners, all before the eye) can cover nearer already than `least`?
+    height, width = depth.shape
+    x0, x1, y0, y1 = np.inf, -np.inf, np.inf, -np.inf
+    for k in range(8):
+        x0, x1 = min(x0, x[k] / w[k]), max(x1, x[k] / w[k])
+        y0, y1 = min(y0, y[k] / w[k]), max(y1, y[k] / w[k])
+    x0, x1 = max(math.ceil(x0 - 0.5 - WIDEN), 0), min(math.floor(x1 - 0.5 + WIDEN), width - 1)
+    y0, y1 = max(math.ceil(y0 - 0.5 - WIDEN), 0), min(math.floor(y1 - 0.5 + WIDEN), height - 1)
+    for row in range(int(y0), int(y1) + 1):
+        for column in range(int(x0), int(x1) + 1):
+            if depth[row, column] >= least:
+                return False
+    return True
+
+
+@helper
+def skip_block(pixel, u0, u1, v0, v1, low, high, x, y, w, depth):
+    # can no cell between (u0, v0) and (u1, v1) with depths in [low, high] be seen? x, y, w (8,) are scratch
+    least, before = np.inf, True
+    for k in range(8):
+        u, v, d = u1 if k & 1 else u0, v1 if k & 2 else v0, high if k & 4 else low
+        x[k] = pixel[0, 0] * u + pixel[0, 1] * v + pixel[0, 2] * d + pixel[0, 3]
+        y[k] = pixel[1, 0] * u + pixel[1, 1] * v + pixel[1, 2] * d + pixel[1, 3]
+        w[k] = pixel[2, 0] * u + pixel[2, 1] * v + pixel[2, 2] * d + pixel[2, 3]
+        least = min(least, w[k])
+        before = before and w[k] > 1e-12
+    if outside(x, y, w, depth.shape[1], depth.shape[0]):
+        return True
+    return before and hidden(x, y, w, least * (1.0 - 1e-6), depth)
+
+
+@kernel
+def bound_blocks(height, out_low, out_high):
+    # height (H, W) f32 -> out_low, out_high (rows, columns of blocks) f32; low > high where a block has no whole cell
+    rows, columns = height.shape[0] - 1, height.shape[1] - 1
+    for block in prange(out_low.shape[0]):
+        for part in range(out_low.shape[1]):
+            low, high = np.float32(np.inf), np.float32(-np.inf)
+            first, last = part * BLOCK_COLUMNS, min((part + 1) * BLOCK_COLUMNS, columns)
+            for j in range(block * BLOCK_ROWS, min((block + 1) * BLOCK_ROWS, rows) + 1):
+                for i in range(first, last + 1):
+                    value = height[j, i]
+                    low = value if value < low else low
+                    high = value if value > high else high
+            out_low[block, part], out_high[block, part] = low, high
+
+
+@kernel
+def project_heights(height, low, high, pixel, rays, eye, descending, base, depth, ids):
+    # height (H, W) f32, NaN = hole; low, high: see bound_blocks; pixel (3, 4) f64; rays (16,) f64: start, then
+    # turn row by row (see rays); eye: camera depth that still belongs to the eye itself;
+    # descending: (bool, bool) walk rows and columns of blocks from the far end, so that near ones come first;
+    # depth (C, h, w) f32 and ids (C, h, w) u32: one picture per chunk of the work, lowered in place
+    chunks, block_rows, block_columns = depth.shape[0], low.shape[0], low.shape[1]
+    rows, columns = height.shape[0] - 1, height.shape[1] - 1
+    m00, m01, m02, m03, m10, m11 = pixel[0, 0], pixel[0, 1], pixel[0, 2], pixel[0, 3], pixel[1, 0], pixel[1, 1]
+    m12, m13, m20, m21, m22, m23 = pixel[1, 2], pixel[1, 3], pixel[2, 0], pixel[2, 1], pixel[2, 2], pixel[2, 3]
+    for chunk in prange(chunks):
+        x, y, w = np.empty(8), np.empty(8), np.empty(8)
+        xs, ys, ws = np.empty(256), np.empty(256), np.empty(256)
+        boxes, listed, count = np.empty(6 * BLOCK), np.empty(11 * LIST), 0
+        own_depth, own_ids = depth[chunk], ids[chunk]
+        for step in range(np.int64(chunk), block_rows, chunks):
+            block = block_rows - 1 - step if descending[0] else step
+            j0, j1 = block * BLOCK_ROWS, min((block + 1) * BLOCK_ROWS, rows)
+            for along in range(block_columns):
+                part = block_columns - 1 - along if descending[1] else along
+                i0, i1 = part * BLOCK_COLUMNS, min((part + 1) * BLOCK_COLUMNS, columns)
+                if not low[block, part] <= high[block, part] or skip_block(
+                    pixel, float(i0), float(i1), float(j0), float(j1), low[block, part], high[block, part], x, y, w,
+                    own_depth,
+                ):  # fmt: skip
+                    continue
+                for j in range(j0, j1 + 1):
+                    old, new = ((j - 1) & 1) * 128, (j & 1) * 128
+                    ax, ay, aw = m01 * j + m03, m11 * j + m13, m21 * j + m23
+                    for k in range(i1 - i0 + 1):
+                        d, u = height[j, i0 + k], float(i0 + k)
+                        wide = aw + m20 * u + m22 * d
+                        scale = 1.0 / (wide if wide > 1e-12 else 1e-12)
+                        xs[new + k] = (ax + m00 * u + m02 * d) * scale
+                        ys[new + k] = (ay + m10 * u + m12 * d) * scale
+                        ws[new + k] = wide
+                    if j > j0:
+                        count = list_row(
+                            height, j - 1, i0, i1, pixel, rays, eye, base, xs, ys, ws, old, new, boxes, listed, count,
+                            own_depth, own_ids,
+                        )  # fmt: skip
+        meet_listed(listed, count, rays, eye, False, own_depth, own_ids)
+
+
+@fused
+def list_row(
+    height, j, i0, i1, pixel, rays, eye, base, xs, ys, ws, old, new, boxes, listed, count, depth, ids
+):  # fmt: skip
+    # cells (j, i0 .. i1 - 1); xs, ys, ws hold their upper vertices from `old` on and their lower ones from `new` on
+    rows, columns = depth.shape
+    for k in range(i1 - i0):
+        x0, x1, x2, x3 = xs[old + k], xs[old + k + 1], xs[new + k], xs[new + k + 1]
+        y0, y1, y2, y3 = ys[old + k], ys[old + k + 1], ys[new + k], ys[new + k + 1]
+        w0, w1, w2, w3 = ws[old + k], ws[old + k + 1], ws[new + k], ws[new + k + 1]
+        boxes[k] = max(math.ceil(min(min(x0, x1), min(x2, x3)) - (0.5 + WIDEN)), 0.0)
+        boxes[BLOCK + k] = min(math.floor(max(max(x0, x1), max(x2, x3)) - (0.5 - WIDEN)), columns - 1.0)
+        boxes[2 * BLOCK + k] = max(math.ceil(min(min(y0, y1), min(y2, y3)) - (0.5 + WIDEN)), 0.0)
+        boxes[3 * BLOCK + k] = min(math.floor(max(max(y0, y1), max(y2, y3)) - (0.5 - WIDEN)), rows - 1.0)
+        boxes[4 * BLOCK + k] = min(min(w0, w1), min(w2, w3))
+        boxes[5 * BLOCK + k] = 0.25 * ((w0 + w1) + (w2 + w3))
+    for k in range(i1 - i0):
+        least, near = boxes[4 * BLOCK + k], boxes[5 * BLOCK + k]
+        whole = near < np.inf  # else a corner is a hole
+        if whole and least > 1e-9:
+            if not (boxes[k] <= boxes[BLOCK + k] and boxes[2 * BLOCK + k] <= boxes[3 * BLOCK + k]):
+                continue
+            left, right = int(boxes[k]), int(boxes[BLOCK + k])
+            top, bottom = int(boxes[2 * BLOCK + k]), int(boxes[3 * BLOCK + k])
+        elif whole:
+            left, right, top, bottom = window_of_cell(height, j, i0 + k, pixel, rows, columns)
+            least = 0.0
+        else:
+            continue
+        i = i0 + k
+        a, b = float(height[j, i]), float(height[j, i + 1])
+        c, e = float(height[j + 1, i]), float(height[j + 1, i + 1])
+        count = list_rays(
+            left, top, right, bottom, least * (1.0 - 1e-6), float(i), float(j), a, b, c, e, 15, near,
+            np.uint32(base + j * (height.shape[1] - 1) + i), listed, count, rays, eye, False, depth, ids,
+        )  # fmt: skip
+    return count
+
+
+@helper
+def window_of_cell(height, j, i, pixel, rows, columns):
+    # a cell that reaches behind the eye: nothing, or the whole picture
+    x, y, w = np.empty(4), np.empty(4), np.empty(4)
+    for k in range(4):
+        u, v = float(i + (k & 1)), float(j + (k >> 1))
+        d = height[j + (k >> 1), i + (k & 1)]
+        x[k] = pixel[0, 0] * u + pixel[0, 1] * v + pixel[0, 2] * d + pixel[0, 3]
+        y[k] = pixel[1, 0] * u + pixel[1, 1] * v + pixel[1, 2] * d + pixel[1, 3]
+        w[k] = pixel[2, 0] * u + pixel[2, 1] * v + pixel[2, 2] * d + pixel[2, 3]
+    if outside(x, y, w, columns, rows):
+        return 0, -1, 0, -1
+    return 0, columns - 1, 0, rows - 1
+
+
+@kernel
+def project_patches(
+    corners, masks, places, blocks, pixels, rays, eyes, signs, perspective, depth, ids
+):  # fmt: skip
+    # corners (4, P) f32, masks (P,) u8, places (2, P) f32 column and row, of all fields; blocks (B, 3) i64: field,
+    # first and last patch; pixels (F, 3, 4), rays (F, 16), eyes (F,), signs (F,) f64: sign of the screen's turn where a
+    # front is seen; perspective (F,) bool; depth, ids: as in project_heights; a hit's id is its patch's number
+    chunks = depth.shape[0]
+    for chunk in prange(chunks):
+        xs, ys, ws = np.empty(4 * BLOCK), np.empty(4 * BLOCK), np.empty(4 * BLOCK)
+        boxes, listed = np.empty(6 * BLOCK), np.empty(11 * LIST)
+        own_depth, own_ids = depth[chunk], ids[chunk]
+        rows, columns = own_depth.shape
+        for block in range(np.int64(chunk), len(blocks), chunks):
+            field, first, last = blocks[block, 0], blocks[block, 1], blocks[block, 2]
+            m, own_rays = pixels[field], rays[field]
+            m00, m01, m02, m03, m10, m11 = m[0, 0], m[0, 1], m[0, 2], m[0, 3], m[1, 0], m[1, 1]
+            m12, m13, m20, m21, m22, m23 = m[1, 2], m[1, 3], m[2, 0], m[2, 1], m[2, 2], m[2, 3]
+            for corner in range(4):
+                du, dv, at = float(corner & 1), float(corner >> 1), corner * BLOCK
+                for k in range(last - first):
+                    u, v, d = places[0, first + k] + du, places[1, first + k] + dv, corners[corner, first + k]
+                    wide = m20 * u + m21 * v + m22 * d + m23
+                    scale = 1.0 / (wide if wide > 1e-12 else 1e-12)
+                    xs[at + k] = (m00 * u + m01 * v + m02 * d + m03) * scale
+                    ys[at + k] = (m10 * u + m11 * v + m12 * d + m13) * scale
+                    ws[at + k] = wide
+            bound_boxes(xs, ys, ws, last - first, signs[field], rows, columns, boxes)
+            count = 0
+            for k in range(last - first):
+                if boxes[k] <= boxes[BLOCK + k]:
+                    count = list_patch(
+                        first + k, k, boxes, corners, masks, places, m, own_rays, eyes[field], perspective[field],
+                        listed, count, own_depth, own_ids,
+                    )  # fmt: skip
+            meet_listed(listed, count, own_rays, eyes[field], True, own_depth, own_ids)
+
+
+@fused
+def bound_boxes(xs, ys, ws, count, sign, rows, columns, boxes):
+    # xs, ys, ws: pixels and weights of four corners, corner c of patch k at c * BLOCK + k -> boxes: first and last
+    # pixel along x, along y, least and mean weight of patch k at r * BLOCK + k; first > last along x where no pixel's
+    # centre is covered or no front is seen; least <= 0 where a patch reaches behind the eye (then all pixels)
+    for k in range(count):
+        x0, x1, x2, x3 = xs[k], xs[BLOCK + k], xs[2 * BLOCK + k], xs[3 * BLOCK + k]
+        y0, y1, y2, y3 = ys[k], ys[BLOCK + k], ys[2 * BLOCK + k], ys[3 * BLOCK + k]
+        w0, w1, w2, w3 = ws[k], ws[BLOCK + k], ws[2 * BLOCK + k], ws[3 * BLOCK + k]
+        least, greatest = min(min(w0, w1), min(w2, w3)), max(max(w0, w1), max(w2, w3))
+        left = max(math.ceil(min(min(x0, x1), min(x2, x3)) - (0.5 + WIDEN)), 0.0)
+        right = min(math.floor(max(max(x0, x1), max(x2, x3)) - (0.5 - WIDEN)), columns - 1.0)
+        top = max(math.ceil(min(min(y0, y1), min(y2, y3)) - (0.5 + WIDEN)), 0.0)
+        bottom = min(math.floor(max(max(y0, y1), max(y2, y3)) - (0.5 - WIDEN)), rows - 1.0)
+        # does the screen turn the wrong way, by a fifth of the patch's size at least, at all corners? A bilinear patch
+        # whose corners are about equally far then shows no front anywhere
+        k0, k1 = (
+            sign * ((x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)),
+            sign * ((x1 - x0) * (y3 - y1) - (y1 - y0) * (x3 - x1)),
+        )
+        k2, k3 = (
+            sign * ((x3 - x2) * (y2 - y0) - (y3 - y2) * (x2 - x0)),
+            sign * ((x3 - x2) * (y3 - y1) - (y3 - y2) * (x3 - x1)),
+        )
+        away = (max(max(k0, k1), max(k2, k3)) < 0.2 * min(min(k0, k1), min(k2, k3)) - 1e-3) & (greatest <= 1.05 * least)
+        before = least > 1e-9 * greatest
+        skip = (before & (away | (top > bottom))) | (greatest <= 0.0)
+        boxes[k] = (left if before else 0.0) if not skip else 1.0
+        boxes[BLOCK + k] = (right if before else columns - 1.0) if not skip else 0.0
+        boxes[2 * BLOCK + k] = top if before else 0.0
+        boxes[3 * BLOCK + k] = bottom if before else rows - 1.0
+        boxes[4 * BLOCK + k] = least if before else 0.0
+        boxes[5 * BLOCK + k] = 0.25 * ((w0 + w1) + (w2 + w3))
+
+
+@fused
+def list_patch(
+    patch, k, boxes, corners, masks, places, pixel, rays, eye, perspective, listed, count, depth, ids
+):  # fmt: skip
+    # one patch whose box (column k of boxes) covers a pixel -> how many rays are listed now
+    least, near = boxes[4 * BLOCK + k], boxes[5 * BLOCK + k]
+    if least <= 0.0 and beyond_picture(places, corners, patch, pixel, depth.shape[0], depth.shape[1]):
+        return count
+    a, b = float(corners[0, patch]), float(corners[1, patch])
+    c, e = float(corners[2, patch]), float(corners[3, patch])
+    if perspective:  # weights are camera depth / own depth there
+        near *= -4.0 / ((a + b) + (c + e))
+        least *= -1.0 / min(min(a, b), min(c, e))
+    return list_rays(
+        int(boxes[k]), int(boxes[2 * BLOCK + k]), int(boxes[BLOCK + k]), int(boxes[3 * BLOCK + k]),
+        least * (1.0 - 1e-6), float(places[0, patch]), float(places[1, patch]), a, b, c, e, masks[patch], near,
+        np.uint32(patch), listed, count, rays, eye, True, depth, ids,
+    )  # fmt: skip
+
+
+@helper
+def beyond_picture(places, corners, patch, pixel, rows, columns):
+    # a patch that reaches behind the eye: is all of it beyond one side of the picture?
+    x, y, w = np.empty(4), np.empty(4), np.empty(4)
+    for k in range(4):
+        u, v, d = places[0, patch] + float(k & 1), places[1, patch] + float(k >> 1), float(corners[k, patch])
+        x[k] = pixel[0, 0] * u + pixel[0, 1] * v + pixel[0, 2] * d + pixel[0, 3]
+        y[k] = pixel[1, 0] * u + pixel[1, 1] * v + pixel[1, 2] * d + pixel[1, 3]
+        w[k] = pixel[2, 0] * u + pixel[2, 1] * v + pixel[2, 2] * d + pixel[2, 3]
+    return outside(x, y, w, columns, rows)
+
+
+@kernel
+def merge(depth, ids):
+    # pictures (C, h, w) of all chunks -> the nearest of each pixel, in the first
+    for y in prange(depth.shape[1]):
+        for c in range(1, depth.shape[0]):
+            for x in range(depth.shape[2]):
+                nearer = depth[c, y, x] < depth[0, y, x]
+                if nearer or (depth[c, y, x] == depth[0, y, x] and ids[c, y, x] < ids[0, y, x]):
+                    depth[0, y, x], ids[0, y, x] = depth[c, y, x], ids[c, y, x]
