@@ -10,7 +10,7 @@ import numpy as np
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.embree import MeshCaster
 from ibrpipe.stages.photos import PhotoSet
-from ibrpipe.stages.rectangles import Rectangle
+from ibrpipe.stages.rectangles import Rectangle, passed
 from ibrpipe.types import Array
 
 
@@ -123,8 +123,8 @@ def appearance(
     """Leave photos out one by one and predict them from the others, diffuse and view-dependent; one result a texture.
 
     Pixels are taken in blocks of 4 x 4 and averaged before anything is compared, so that noise and blur of fine texture
-    do not pass for view dependence. A block counts for the texture that faces its surface best. About 600 blocks of
-    each left-out photo are taken.
+    do not pass for view dependence. A block counts for the texture through whose rectangle it is seen, which is the one
+    that the renderer asks for residuals. About 600 blocks of each left-out photo are taken.
     """
     rng = np.random.default_rng(seed)
     chosen = np.unique(np.linspace(0, len(photos.cameras) - 1, most_photos).round().astype(int))
@@ -138,7 +138,7 @@ def appearance(
         toward /= np.linalg.norm(toward, axis=1, keepdims=True)
         diffuse, _, _ = rest.diffuse(points, normals)
         blended, count = rest.blend(points, normals, toward)
-        owner = np.stack([r.facing(points, normals) for r in rectangles], axis=1).argmax(axis=1)
+        owner = passed(rectangles, points, toward)
         base = srgb_encode(diffuse, np.inf)
         missing, predicted = truth - base, srgb_encode(blended, np.inf) - base
         missing, predicted, owner = _block_means(block, count >= 2, missing, predicted, owner)

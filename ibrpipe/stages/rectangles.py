@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -149,6 +150,31 @@ def distinct(ray: Array, depth: Array, texel: float) -> Array:
     """
     again = (ray[1:] == ray[:-1]) & (np.diff(depth) < 1e-3 * texel)
     return np.concatenate([np.ones(min(len(ray), 1), bool), ~again])
+
+
+def passed(rectangles: Sequence[Rectangle], points: Array, toward: Array) -> Array:
+    """Say through which rectangle each view ray passes, as the residual pass of the renderer does.
+
+    Parameters
+    ----------
+    points : (N, 3) world, on the surface
+    toward : (N, 3) world, unit, from the surface to the viewer
+
+    Returns
+    -------
+    (N,) int64
+        Of the rectangles that the ray passes the one that it meets most squarely; where it passes none, the one that
+        the direction is most square to.
+    """
+    order = []
+    for rectangle in rectangles:
+        local, square = points - rectangle.origin, -(toward @ rectangle.f)
+        reach = (local @ rectangle.f) / np.where(square > 0.02, square, np.inf)
+        at = local + toward * reach[:, None]
+        u, v = (at @ edge / (edge @ edge) for edge in (rectangle.u, rectangle.v))
+        inside = (square > 0.02) & (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)
+        order.append(np.where(inside, 1.0 + square, square))
+    return np.asarray(np.argmax(order, axis=0))
 
 
 def sized(config: RectangleConfig, texel: float) -> Rectangle:
