@@ -17,7 +17,8 @@ anything half-written. Progress goes to stderr: bars with the time left on a ter
 
 def reference() -> str:
     """Return the page as Markdown."""
-    top = click.Context(cli, info_name="ibrpipe", terminal_width=_WIDTH, max_content_width=_WIDTH)
+    settings = {**cli.context_settings, "terminal_width": _WIDTH, "max_content_width": _WIDTH}
+    top = click.Context(cli, info_name="ibrpipe", **settings)  # the settings that a call has, -h among them
     parts = [_HEAD, _section("ibrpipe", cli.get_help(top))]
     for name in cli.list_commands(top):
         command = cli.get_command(top, name)
