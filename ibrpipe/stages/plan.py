@@ -43,10 +43,10 @@ class PlanConfig(StageConfig):
         None, gt=0, description="Texel size of the layers, scene units; absent = from the photos' sampling density"
     )
     oversampling: float = Field(
-        1.0, gt=0, le=4, description="Texels per photo pixel on the surface, where the photos are densest"
+        1.05, gt=0, le=4, description="Texels per photo pixel on the surface, where the photos are densest"
     )
     max_angle: float = Field(
-        56.0,
+        55.0,
         gt=0,
         le=90,
         description="Surfaces tilted further than this (degrees) go to a texture that faces them better",
