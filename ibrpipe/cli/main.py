@@ -21,6 +21,10 @@ COMMANDS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Single stages": {name: (f"ibrpipe.cli.stage:{name}", summary) for name, (_, summary) in STAGES.items()},
     "Tools": {
+        "bench": (
+            "ibrpipe.cli.bench:command",
+            "Hold all renderers against the exact answer.",
+        ),
         "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run or an asset holds."),
         "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of all files on disk."),
         "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth."),

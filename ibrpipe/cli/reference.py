@@ -27,7 +27,22 @@ def reference() -> str:
                 command, info_name=name, parent=top, terminal_width=_WIDTH, max_content_width=_WIDTH
             )
             parts.append(_section(f"ibrpipe {name}", command.get_help(context)))
+            if isinstance(command, click.Group):
+                parts += _below(command, context, f"ibrpipe {name}")
     return "\n".join(parts)
+
+
+def _below(group: click.Group, parent: click.Context, title: str) -> list[str]:
+    """Return the sections of the commands of a group."""
+    sections = []
+    for name in group.list_commands(parent):
+        command = group.get_command(parent, name)
+        if command is not None:
+            context = click.Context(
+                command, info_name=name, parent=parent, terminal_width=_WIDTH, max_content_width=_WIDTH
+            )
+            sections.append(_section(f"{title} {name}", command.get_help(context)))
+    return sections
 
 
 def _section(title: str, text: str) -> str:

@@ -17,6 +17,7 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def models() -> dict[str, type[BaseModel]]:
     """Return every model of a file on disk, by the name of its schema."""
+    from ibrpipe.bench.hard_results import HardCasesModel
     from ibrpipe.io.manifest import Manifest
     from ibrpipe.stages.documents import DOCUMENTS
     from ibrpipe.stages.metrics import MetricsModel
@@ -24,7 +25,8 @@ def models() -> dict[str, type[BaseModel]]:
     from ibrpipe.stages.registry import load_stages
 
     found: dict[str, type[BaseModel]] = {name: model for name, (model, _) in DOCUMENTS.items()}
-    found |= {"manifest": Manifest, "metrics": MetricsModel, "pipeline": pipeline_model(load_stages())}
+    found |= {"hard_cases": HardCasesModel, "manifest": Manifest, "metrics": MetricsModel}
+    found |= {"pipeline": pipeline_model(load_stages())}
     return dict(sorted(found.items()))
 
 

@@ -41,6 +41,11 @@ def test_every_command_is_documented(name: str) -> None:
     for param in command.params:
         if isinstance(param, click.Option):
             assert param.opts[0] in section
+    for below, inner in getattr(command, "commands", {}).items():
+        section = text.partition(f"## ibrpipe {name} {below}\n")[2].partition("\n## ")[0]
+        for param in inner.params:
+            if isinstance(param, click.Option):
+                assert param.opts[0] in section
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())

@@ -1,0 +1,183 @@
+"""What a hard case is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ibrpipe.bench.surface import Surface, Texture, build_surface
+from ibrpipe.types import (
+    Array,
+    Camera,
+    DepthImage,
+    LayeredDepthImage,
+    ParallelFrame,
+    ReliefTexture,
+)
+
+GROUPS = {
+    1: "where the eye is",
+    2: "where the epipole is",
+    3: "how rays run",
+    4: "what the surface is like",
+    5: "sizes and distances",
+    6: "depth in few bits",
+    7: "spirals of view directions",
+    8: "frames and matrices",
+    9: "values",
+}
+
+
+def frame_of(origin: ArrayLike, a: ArrayLike, b: ArrayLike, f: ArrayLike) -> ParallelFrame:
+    """Return the parallel frame of plain numbers."""
+    return ParallelFrame(*(np.asarray(part, np.float64) for part in (origin, a, b, f)))
+
+
+#: frame of most cases: texels of one unit, depth along z
+PLAIN = frame_of((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+SHAPE = (12, 15)
+SIZE = (33, 27)
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """What is rendered, and from where.
+
+    Attributes
+    ----------
+    source : a texture
+    camera : Camera
+    heights : (H, W) float64 or None
+        Of a relief texture, before they were stored.
+    """
+
+    source: Texture
+    camera: Camera
+    heights: Array | None = None
+
+    def stored(self, bits: int) -> Shot:
+        """Return the shot with depth stored in 8 or 16 bits over its range, or as float32 (32)."""
+        if bits == 32:
+            return self
+        levels = 2**bits - 1
+        if isinstance(self.source, ReliefTexture):
+            assert self.heights is not None
+            heights = _in_steps(self.heights, levels)
+            return Shot(ReliefTexture(self.source.frame, self.source.color, heights), self.camera, self.heights)
+        source = self.source
+        if isinstance(source, DepthImage):
+            return Shot(DepthImage(source.camera, source.color, _in_steps(source.depth, levels)), self.camera)
+        assert isinstance(source, LayeredDepthImage)
+        depth = _in_steps(source.depth, levels)
+        changed = LayeredDepthImage(source.frame, source.offsets, depth, source.color, source.normal, source.observers)
+        return Shot(changed, self.camera)
+
+    def surface(self) -> Surface:
+        """Return the surface as stored."""
+        return build_surface(self.source)
+
+    def meant(self) -> Surface:
+        """Return the surface before it was stored."""
+        return build_surface(self.source, self.heights)
+
+    def step(self, bits: int) -> float:
+        """Return the step of depth in scene units when stored in `bits` bits; 0 for float32."""
+        if bits == 32:
+            return 0.0
+        depth = self.heights if isinstance(self.source, ReliefTexture) else self.source.depth  # type: ignore[union-attr]
+        assert depth is not None
+        some = np.asarray(depth, np.float64)[np.isfinite(depth)]
+        return float(np.ptp(some)) / (2**bits - 1) if len(some) else 0.0
+
+
+def _in_steps(depth: Array, levels: int) -> Array:
+    depth = np.asarray(depth, np.float64)
+    some = depth[np.isfinite(depth)]
+    if not len(some) or np.ptp(some) == 0.0:
+        return depth
+    low, step = some.min(), np.ptp(some) / levels
+    return low + np.rint((depth - low) / step) * step
+
+
+@dataclass(frozen=True)
+class Case:
+    """A picture that is compared with the oracle.
+
+    Attributes
+    ----------
+    name : str
+        Unique, words joined by "-".
+    group : int
+    what : str
+        What is hard about it.
+    build : callable
+        Returns the shot.
+    bits : tuple of int
+        In how many bits depth is stored, one cell of the table for each.
+    colors_tie : str
+        Why no renderer can be held to the colours; empty = they are compared.
+    """
+
+    name: str
+    group: int
+    what: str
+    build: Callable[[], Shot]
+    bits: tuple[int, ...] = (32,)
+    colors_tie: str = ""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Something that no texture, frame or camera may be made of: `build` must raise an `IbrError`."""
+
+    name: str
+    group: int
+    what: str
+    build: Callable[[], object]
+
+
+@dataclass(frozen=True)
+class SpiralCase:
+    """View-dependent colour looked up in a spiral of directions of density `k`, seen from `way` (yaw, pitch degrees).
+
+    `zero` is the code of no residual; residuals in linear light must not heed it.
+    """
+
+    name: str
+    group: int
+    what: str
+    k: float
+    way: tuple[float, float]
+    zero: int = 0
+
+
+AnyCase = Case | Refusal | SpiralCase
+
+
+def relief(frame: ParallelFrame, heights: Any, camera: Camera, color: Any = None) -> Shot:
+    """Return the shot of a relief texture with coloured texels."""
+    heights = np.asarray(heights, np.float64)
+    return Shot(ReliefTexture(frame, colors(heights.shape) if color is None else color, heights), camera, heights)
+
+
+def colors(shape: Sequence[int]) -> Array:
+    """(H, W, 3) float64 smooth colours that differ in every texel."""
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    return np.stack([0.5 + 0.4 * np.sin(0.7 * x), 0.5 + 0.4 * np.cos(0.5 * y), 0.2 + 0.6 * ((x + y) % 5) / 4], axis=-1)
+
+
+def rough(shape: tuple[int, int] = SHAPE, height: float = 2.0, seed: int = 1) -> Array:
+    """(H, W) float64 heights between 0 and `height`: waves and noise."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    waves = 0.5 + 0.25 * np.sin(0.8 * x + 0.3) + 0.25 * np.cos(0.9 * y)
+    return height * (0.7 * waves + 0.3 * rng.random(shape))
+
+
+def look(eye: Any, target: Any, fov: float = 45.0, size: tuple[int, int] = SIZE, up: Any = (0, 0, 1)) -> Camera:
+    """Return a camera of few pixels."""
+    return Camera.look_at(eye, target, up, fov, *size)

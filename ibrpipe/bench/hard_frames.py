@@ -1,0 +1,70 @@
+"""Frames of a setting with one thread and with all threads, or the cell that tells what went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numba
+
+from ibrpipe.bench.cases import Case, SpiralCase
+from ibrpipe.bench.cases.case import AnyCase
+from ibrpipe.bench.hard_results import Cell
+from ibrpipe.bench.settings import Setting
+from ibrpipe.bench.surface import Texture
+from ibrpipe.errors import IbrError
+from ibrpipe.renderers.api import prepare, render
+from ibrpipe.renderers.registry import find_renderer
+from ibrpipe.types import Camera, Frame
+
+
+def render_twice(
+    case: Case | SpiralCase, setting: Setting, bits: int, source: Texture, camera: Camera
+) -> tuple[Frame, bool] | Cell:
+    """Return the frame, and whether one thread and all threads gave the same bytes; or the cell of a failure."""
+    try:
+        draw = draw_with(setting, source, camera)
+        one, many = draw(1), draw(numba.config.NUMBA_NUM_THREADS)
+    except IbrError as error:
+        status = "refused" if setting.refuses else "fail"
+        told = [] if setting.refuses else ["refused a source that it says it takes"]
+        return plain_cell(case, setting.label, bits, status, told, message=str(error))
+    except Exception as error:
+        told_as = f"{type(error).__name__}: {error}"
+        return plain_cell(
+            case, setting.label, bits, "fail", ["raised something else than an IbrError"], message=told_as
+        )
+    return many, _bytes(one) == _bytes(many)
+
+
+def draw_with(setting: Setting, source: Texture, camera: Camera) -> Callable[[int], Frame]:
+    """Return a function from a number of threads to the frame."""
+    prepared = prepare(source, setting.renderer)
+    takes_threads = "threads" in find_renderer(setting.renderer).options
+
+    def draw(threads: int) -> Frame:
+        if takes_threads:
+            return render(prepared, camera, setting.renderer, threads=threads, **setting.options)
+        before = numba.get_num_threads()
+        numba.set_num_threads(threads)
+        try:
+            return render(prepared, camera, setting.renderer, **setting.options)
+        finally:
+            numba.set_num_threads(before)
+
+    return draw
+
+
+def _bytes(frame: Frame) -> bytes:
+    return b"".join(part.tobytes() for part in (frame.color, frame.depth, frame.alpha) if part is not None)
+
+
+def plain_cell(
+    case: AnyCase, setting: str, bits: int, status: str, failures: Sequence[str] = (), message: str = ""
+) -> Cell:
+    """Return a cell without figures."""
+    return Cell.model_validate(
+        {
+            "case": case.name, "setting": setting, "bits": bits, "status": status, "failures": list(failures),
+            "message": message, "same_bytes": None, "depth_bytes": None, "figures": None, "limits": None,
+        }
+    )  # fmt: skip

@@ -1,0 +1,107 @@
+"""A shot stored in some bits of depth: its exact answers, and the limits that follow from what storing rounds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ibrpipe.bench import oracle
+from ibrpipe.bench.cases import Shot
+from ibrpipe.bench.hard_results import Limits
+from ibrpipe.bench.measure import displacement, ray_lengths
+from ibrpipe.bench.settings import Limit
+from ibrpipe.bench.surface import Surface, Texture, first_layer
+from ibrpipe.types import Array, Camera, Frame, LayeredDepthImage
+
+#: units in the last place of float32 depth that every renderer may add
+ULPS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """A shot stored in some bits, with its exact answers, shared by all settings."""
+
+    shot: Shot
+    bits: int
+    step: float
+    original: Shot
+
+    @cached_property
+    def all_layers(self) -> tuple[Surface, oracle.Truth, Array]:
+        """Return surface, exact hits and exact colours of the whole source."""
+        return _solved(self.shot.surface(), self.shot.camera)
+
+    @cached_property
+    def one_layer(self) -> tuple[Surface, oracle.Truth, Array]:
+        """Return the same of the first layer alone."""
+        if not isinstance(self.shot.source, LayeredDepthImage):
+            return self.all_layers
+        return _solved(Shot(first_layer(self.shot.source), self.shot.camera).surface(), self.shot.camera)
+
+    @cached_property
+    def meant(self) -> tuple[Surface, Array]:
+        """The surface before it was stored, and its exact depths."""
+        surface, camera = self.original.meant(), self.shot.camera
+        depth = oracle.cast([surface], camera, oracle.pixel_centers(camera))[0]
+        return surface, depth.reshape(camera.height, camera.width)
+
+
+def _solved(surface: Surface, camera: Camera) -> tuple[Surface, oracle.Truth, Array]:
+    truth = oracle.cast_truth([surface], camera)
+    hits = (truth.depth.ravel(), truth.patch.ravel(), truth.owner.ravel())
+    color, _ = oracle.colors_at([surface], camera, oracle.pixel_centers(camera), hits)
+    return surface, truth, color.reshape(*truth.depth.shape, 3)
+
+
+def count_samples(source: Texture) -> int:
+    """Return the number of stored depths."""
+    return int((source.height if hasattr(source, "height") else source.depth).size)  # type: ignore[union-attr]
+
+
+def from_meant(posed: Posed, surface: Surface, truth: oracle.Truth, frame: Frame) -> tuple[float, float] | None:
+    """Largest and 99th-percentile distance in depth from the surface before storing, over right hits; in texels."""
+    if surface.front and posed.bits != 32:
+        return None  # coarser depths may connect other samples: another surface, not an error of depth
+    assert frame.depth is not None
+    got = frame.depth.astype(np.float64)
+    camera = posed.shot.camera
+    with np.errstate(invalid="ignore"):
+        close = np.abs(got - truth.depth) * ray_lengths(camera) <= surface.texel
+    right = np.isfinite(got) & np.isfinite(truth.depth) & close & truth.clear(1e-3 * surface.texel)
+    meant, depth = (surface, truth.depth) if surface.front else posed.meant
+    _, off = displacement([meant], depth, truth.owner, camera, got, right)
+    off = off[np.isfinite(off)]
+    return (float(off.max()), float(np.percentile(off, 99))) if len(off) else (0.0, 0.0)
+
+
+def hold_limits(limit: Limit, posed: Posed, surface: Surface, truth: oracle.Truth, colors_tie: str) -> Limits:
+    """Return the limit with what float32 depth and the steps of stored depth add."""
+    seen = truth.depth[np.isfinite(truth.depth)]
+    far = float(seen.max()) if len(seen) else 0.0
+    lengths = ray_lengths(posed.shot.camera)
+    rounding = ULPS * float(np.spacing(np.float32(far))) * float(lengths.max()) / max(surface.texel, 1e-300)
+    stored = 0.5 * posed.step / surface.texel + ULPS * _stored_rounding(posed, surface)
+    return Limits(
+        texels=finite(limit.texels + rounding),
+        texels_p99=finite(limit.texels_p99 + rounding),
+        shift_p99=finite(limit.shift_p99 + rounding * surface.texel * posed.shot.camera.K[0, 0] / max(far, 1e-300)),
+        wrong=finite(limit.wrong),
+        codes_p99=None if colors_tie else finite(limit.codes_p99),
+        meant=finite(limit.texels + rounding + stored),
+        reason=f"{limit.reason}; {colors_tie}" if colors_tie else limit.reason,
+    )
+
+
+def _stored_rounding(posed: Posed, surface: Surface) -> float:
+    """Texels of depth by which float32 may round the largest stored depth."""
+    depth = posed.shot.source.height if hasattr(posed.shot.source, "height") else posed.shot.source.depth  # type: ignore[union-attr]
+    some = np.abs(depth[np.isfinite(depth)])
+    return float(np.spacing(np.float32(some.max()))) / surface.texel if len(some) and not surface.perspective else 1e-3
+
+
+def finite(value: float) -> float | None:
+    """Return the value; None where it is infinite or NaN."""
+    return value if math.isfinite(value) else None

@@ -1,0 +1,101 @@
+"""What ``hard_cases.json`` holds."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from ibrpipe.stages.metrics import Machine
+
+Status = Literal["pass", "fail", "refused", "not applicable"]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class CaseFacts(_Record):
+    """One hard case."""
+
+    name: str = Field(description="Name, unique")
+    group: int = Field(ge=1, le=9, description="Number of its group")
+    what: str = Field(description="What is hard about it")
+
+
+class SettingFacts(_Record):
+    """One renderer with options."""
+
+    label: str = Field(description="Name in the table, unique")
+    renderer: str = Field(description="Name in the registry")
+    options: dict[str, str | int | float | bool] = Field(
+        description="Options of the renderer that differ from defaults"
+    )
+    first_layer: bool = Field(description="Only the first sample of each texel is shown, and compared")
+
+
+class Figures(_Record):
+    """Errors of one frame against the exact answer."""
+
+    pixels: int = Field(description="Pixels of the frame")
+    hits: int = Field(description="Pixels at which the exact answer is a surface")
+    doubtful: int = Field(description="Pixels whose hit moves when the surface is moved by 1e-6 texels")
+    lost: int = Field(description="Pixels that show nothing and should show a surface")
+    extra: int = Field(description="Pixels that show a surface and should show nothing")
+    astray: int = Field(description="Pixels whose hit is more than a texel away along the ray")
+    nan: int = Field(description="Pixels with NaN in any output")
+    texels: float | None = Field(description="Largest distance from the exact hit along the ray, texels")
+    texels_p99: float | None = Field(description="99th percentile of the same")
+    shift: float | None = Field(description="Largest distance from where a shown texel belongs, pixels")
+    shift_p99: float | None = Field(description="99th percentile of the same")
+    off: float | None = Field(description="Largest distance in depth from the surface at the shown texel, texels")
+    off_p99: float | None = Field(description="99th percentile of the same")
+    codes: float | None = Field(description="Largest error of colour, 8-bit codes of linear light")
+    codes_p99: float | None = Field(description="99th percentile of the same")
+    rmse: float | None = Field(description="Root mean square distance along the ray, texels, over right hits")
+    meant: float | None = Field(description="Largest distance in depth from the surface before it was stored, texels")
+    meant_p99: float | None = Field(description="99th percentile of the same")
+
+
+class Limits(_Record):
+    """What the frame may show at most; null = no limit."""
+
+    texels: float | None = Field(description="For the largest distance along the ray, rounding of depth included")
+    texels_p99: float | None = Field(description="For its 99th percentile")
+    shift_p99: float | None = Field(description="For the 99th percentile in pixels")
+    wrong: float | None = Field(description="For the share of pixels lost, extra or astray")
+    codes_p99: float | None = Field(description="For the 99th percentile of colour")
+    meant: float | None = Field(description="For the distance from the surface before it was stored")
+    reason: str = Field(description="Why the limits are these")
+
+
+class Cell(_Record):
+    """One case, one setting, one storage of depth."""
+
+    case: str = Field(description="Name of the case")
+    setting: str = Field(description="Label of the setting; 'load' = making the texture itself")
+    bits: int = Field(description="Bits of stored depth: 8, 16, or 32 for float32")
+    status: Status = Field(description="pass, fail, refused (a clear error, permitted), or not applicable")
+    failures: list[str] = Field(description="What is beyond its limit, in words")
+    message: str = Field(description="The error met, or why the case does not apply")
+    same_bytes: bool | None = Field(description="One thread and all threads gave the same bytes")
+    depth_bytes: int | None = Field(description="Bytes of stored depth")
+    figures: Figures | None = Field(description="Errors; null where nothing was rendered")
+    limits: Limits | None = Field(description="Limits that the figures were held to")
+
+
+class HardCasesModel(_Record):
+    """All cells, and what they were measured on."""
+
+    schema_version: Literal[1] = 1
+    machine: Machine = Field(description="Processor, threads, versions")
+    threads: int = Field(description="Threads of the second of the two runs of each cell")
+    cases: list[CaseFacts] = Field(description="Cases, group by group")
+    settings: list[SettingFacts] = Field(description="Settings, in the order of the table's columns")
+    cells: list[Cell] = Field(description="All cells, by case")
+    seconds: float = Field(ge=0, description="Time of the whole run, s")
+
+    @property
+    def failing(self) -> list[Cell]:
+        """Cells beyond a limit."""
+        return [cell for cell in self.cells if cell.status == "fail"]

@@ -1,0 +1,63 @@
+"""Cells of the spiral cases: view-dependent colour against its exact value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ibrpipe.bench.cases import SpiralCase
+from ibrpipe.bench.cases.spirals import build_spiral, expected, spiral_camera
+from ibrpipe.bench.hard_frames import plain_cell, render_twice
+from ibrpipe.bench.hard_posed import finite
+from ibrpipe.bench.hard_results import Cell, Figures, Limits
+from ibrpipe.bench.settings import Setting
+from ibrpipe.bench.surface import Texture
+from ibrpipe.renderers.registry import find_renderer
+from ibrpipe.types import Array, Camera
+
+#: largest error of view-dependent colour, in 8-bit codes of linear light
+SPIRAL_CODES = 0.05
+
+
+def spiral_cells(case: SpiralCase, settings: Sequence[Setting]) -> list[Cell]:
+    """Return the cells of one spiral case."""
+    texture, camera = build_spiral(case.k, case.zero), spiral_camera(*case.way)
+    wanted = expected(texture, camera)
+    return [_spiral_cell(case, setting, texture, camera, wanted) for setting in settings]
+
+
+def _spiral_cell(case: SpiralCase, setting: Setting, texture: Texture, camera: Camera, wanted: Array) -> Cell:
+    chosen = find_renderer(setting.renderer)
+    if "SpiralTexture" not in chosen.accepts or "residuals" not in chosen.options:
+        return plain_cell(case, setting.label, 32, "not applicable", message="shows no view-dependent colour")
+    made = render_twice(case, setting, 32, texture, camera)
+    if isinstance(made, Cell):
+        return made
+    frame, same = made
+    assert frame.color is not None
+    codes = 255.0 * np.abs(frame.color - wanted).max(axis=-1)
+    nan, lost = int(np.isnan(codes).sum()), int((~np.isfinite(frame.depth)).sum()) if frame.depth is not None else 0
+    worst, p99 = float(np.nanmax(codes)), float(np.nanpercentile(codes, 99))
+    reason = "float64 arithmetic on float32 residuals: a twentieth of an 8-bit code"
+    failures = [f"{nan} pixels hold NaN"] if nan else []
+    if lost:
+        failures.append(f"{lost} pixels lost")
+    if not worst <= SPIRAL_CODES:
+        failures.append(f"{worst:.3g} codes of colour at worst; at most {SPIRAL_CODES}")
+    if not same:
+        failures.append("one thread and all threads gave different bytes")
+    nothing = dict.fromkeys(
+        ("texels", "texels_p99", "shift", "shift_p99", "off", "off_p99", "rmse", "meant", "meant_p99")
+    )
+    figures = Figures(
+        pixels=codes.size, hits=codes.size, doubtful=0, lost=lost, extra=0, astray=0, nan=nan, codes=finite(worst),
+        codes_p99=finite(p99), **nothing
+    )  # fmt: skip
+    limits = Limits(
+        texels=None, texels_p99=None, shift_p99=None, wrong=0.0, codes_p99=SPIRAL_CODES, meant=None, reason=reason
+    )
+    return Cell(
+        case=case.name, setting=setting.label, bits=32, status="fail" if failures else "pass", failures=failures,
+        message="", same_bytes=same, depth_bytes=None, figures=figures, limits=limits,
+    )  # fmt: skip

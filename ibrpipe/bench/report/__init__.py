@@ -1,0 +1,5 @@
+"""The pages of the bench: HTML that holds everything it shows and loads nothing."""
+
+from ibrpipe.bench.report.hard_page import write_hard_page
+
+__all__ = ["write_hard_page"]

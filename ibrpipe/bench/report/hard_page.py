@@ -1,0 +1,178 @@
+"""The page of the hard cases."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.bench.cases import GROUPS
+from ibrpipe.bench.hard_cases import HardRun, WrongPixels
+from ibrpipe.bench.hard_results import Cell, HardCasesModel, Limits
+from ibrpipe.bench.report.template import figure, fill, picture, share
+from ibrpipe.bench.settings import EXACT
+from ibrpipe.types import Array
+
+#: wrong pictures shown for each setting
+SHOWN = 3
+
+
+def write_hard_page(path: Path, run: HardRun) -> None:
+    """Write the page: one file without scripts that loads nothing from anywhere."""
+    model = run.model
+    path.write_text(
+        fill(
+            "hard_cases.html",
+            model=model,
+            renderers={setting.renderer for setting in model.settings},
+            failing=model.failing,
+            measured=sum(cell.status != "not applicable" for cell in model.cells),
+            pixels=next((cell.figures.pixels for cell in model.cells if cell.figures), 0),
+            cards=_cards(model),
+            groups=_groups(model),
+            pictures=_pictures(run),
+            bit_rows=_bit_rows(model),
+            limit_rows=_limit_rows(model),
+        ),
+        encoding="utf-8",
+    )
+
+
+def _cards(model: HardCasesModel) -> list[dict[str, str]]:
+    cards = []
+    for setting in model.settings:
+        counts = Counter(cell.status for cell in model.cells if cell.setting == setting.label)
+        figures = [c.figures for c in model.cells if c.setting == setting.label and c.figures and c.bits == 32]
+        worst = max((f.texels or 0.0 for f in figures), default=0.0)
+        wrong = sum(f.lost + f.extra + f.astray for f in figures)
+        cards.append(
+            {
+                "tone": "poor" if counts["fail"] else "fair" if wrong else "good",
+                "label": setting.label,
+                "value": f"{counts['pass']} of {counts['pass'] + counts['fail']}",
+                "note": f"within limits; worst {figure(worst)} texels, {wrong} wrong pixels"
+                + (f"; {counts['refused']} refused" if counts["refused"] else ""),
+            }
+        )
+    return cards
+
+
+def _groups(model: HardCasesModel) -> list[dict[str, Any]]:
+    cells = {(cell.case, cell.setting): cell for cell in model.cells if cell.bits == 32}
+    labels = [setting.label for setting in model.settings]
+    found = []
+    for number, name in GROUPS.items():
+        facts = [case for case in model.cases if case.group == number]
+        columns = [n for n in (*labels, "load") if any((case.name, n) in cells for case in facts)]
+        rows = [
+            {"name": case.name, "what": case.what, "cells": [_shown(cells.get((case.name, n))) for n in columns]}
+            for case in facts
+        ]
+        if rows:
+            found.append({"number": number, "name": name, "columns": columns, "rows": rows})
+    return found
+
+
+def _shown(cell: Cell | None) -> dict[str, str]:
+    """Return tone, text and tooltip of one cell of the table."""
+    if cell is None or cell.status == "not applicable":
+        return {"tone": "none", "text": "–", "title": cell.message if cell else ""}
+    if cell.figures is None:
+        text = {"pass": "refused", "refused": "refused", "fail": "failed"}[cell.status]
+        return {"tone": cell.status, "text": text, "title": cell.message or "; ".join(cell.failures)}
+    found = cell.figures
+    wrong = found.lost + found.extra + found.astray
+    if found.texels is None and found.codes is not None:
+        text = f"{figure(found.codes)} codes"
+    else:
+        text = figure(found.texels) + (f" · {wrong} w" if wrong else "")
+    exact = not wrong and (found.texels or 0.0) <= max(EXACT.texels, (cell.limits.texels or 0) if cell.limits else 0)
+    tone = cell.status if cell.status != "pass" or exact else "within"
+    title = (
+        f"{wrong} wrong ({found.lost} lost, {found.extra} extra, {found.astray} astray), {found.doubtful} doubtful; "
+        f"99 %: {figure(found.texels_p99)} texels, {figure(found.shift_p99)} pixels, {figure(found.codes_p99)} codes"
+    )
+    return {"tone": tone, "text": text, "title": "; ".join([*cell.failures, title])}
+
+
+def _pictures(run: HardRun) -> list[dict[str, str]]:
+    found = []
+    order = {(cell.case, cell.setting): cell for cell in run.model.cells if cell.bits == 32}
+    for setting in run.model.settings:
+        mine = [(case, maps) for (case, label), maps in run.pictures.items() if label == setting.label]
+        mine.sort(key=lambda item: (order[item[0], setting.label].status != "fail", -int(item[1].wrong.sum())))
+        for case, maps in mine[:SHOWN]:
+            cell = order[case, setting.label]
+            limits = cell.limits.reason if cell.limits else ""
+            note = f"{share(int(maps.wrong.sum()), maps.wrong.size)} of the pixels wrong; {limits}"
+            found.append({"setting": setting.label, "case": case, "note": note, **_drawn(maps)})
+    return found
+
+
+def _drawn(maps: WrongPixels) -> dict[str, str]:
+    some = maps.exact[np.isfinite(maps.exact)]
+    if not len(some):
+        some = maps.rendered[np.isfinite(maps.rendered)]
+    low, high = (float(some.min()), float(some.max())) if len(some) else (0.0, 1.0)
+    exact, rendered = (_shade(depth, low, high) for depth in (maps.exact, maps.rendered))
+    wrong = np.where(maps.wrong[..., None], np.array([179, 38, 30], np.uint8), 200 + exact // 5)
+    drawn = {"exact": exact, "rendered": rendered, "wrong": wrong}
+    return {name: picture(values, 240) for name, values in drawn.items()}
+
+
+def _shade(depth: Array, low: float, high: float) -> Array:
+    """Grey picture (H, W, 3) uint8 of a depth map: near is bright, nothing is white."""
+    with np.errstate(invalid="ignore"):
+        level = 215.0 - 175.0 * np.clip((depth - low) / max(high - low, 1e-300), 0, 1)
+    level = np.where(np.isfinite(depth), level, 250.0)
+    return np.repeat(np.nan_to_num(level, nan=250.0).astype(np.uint8)[..., None], 3, axis=2)
+
+
+def _bit_rows(model: HardCasesModel) -> list[dict[str, Any]]:
+    """One row for each setting: distance from the surface before it was stored, over cases with all three bits."""
+    shared = {cell.case for cell in model.cells if cell.bits == 8}
+    rows = []
+    for setting in model.settings:
+        mine = [c for c in model.cells if c.setting == setting.label and c.case in shared and c.figures]
+        parts = []
+        for bits in (8, 16, 32):
+            values = [c.figures.meant for c in mine if c.bits == bits and c.figures and c.figures.meant is not None]
+            parts.append(
+                {"median": median(values) if values else None, "largest": max(values, default=None), "bytes": bits // 8}
+            )
+        if mine:
+            rows.append({"name": setting.label, "cells": parts})
+    return rows
+
+
+def _limit_rows(model: HardCasesModel) -> list[dict[str, Any]]:
+    """One row for each setting and reason; where the limits differ by rounding, the widest."""
+    rows: dict[tuple[str, str], list[tuple[str, Limits]]] = {}
+    for cell in model.cells:
+        if cell.limits:
+            rows.setdefault((cell.setting, cell.limits.reason), []).append((cell.case, cell.limits))
+    return [
+        {
+            "setting": setting,
+            "cases": _told({case for case, _ in found}),
+            "most": [_widest([getattr(limits, name) for _, limits in found]) for name in names],
+            "reason": reason,
+        }
+        for (setting, reason), found in rows.items()
+        for names in [("texels", "texels_p99", "shift_p99", "wrong", "codes_p99")]
+    ]
+
+
+def _told(cases: set[str]) -> str:
+    return ", ".join(sorted(cases)) if len(cases) <= 4 else f"{len(cases)} cases"
+
+
+def _widest(values: Sequence[float | None]) -> str:
+    if any(value is None for value in values):
+        return "none"
+    low, high = min(v for v in values if v is not None), max(v for v in values if v is not None)
+    return figure(high) if figure(low) == figure(high) else f"{figure(low)} to {figure(high)}"

@@ -1,0 +1,112 @@
+"""Which settings of which renderer take part, and what each of them promises.
+
+A renderer joins by being registered: without an entry here it takes part with its defaults and is held to `EXACT`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ibrpipe.errors import ConfigError
+from ibrpipe.renderers.registry import registered
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a cell of the table of hard cases may show at most.
+
+    Attributes
+    ----------
+    texels : float
+        Largest distance along the ray; the rounding of float32 depth is added.
+    texels_p99, shift_p99 : float
+        99th percentiles along the ray in texels, and in pixels.
+    wrong : float
+        Share of the pixels that may be lost, extra or astray.
+    codes_p99 : float
+        99th percentile of the colour's error in 8-bit codes.
+    reason : str
+        Why the limit is what it is.
+    """
+
+    texels: float
+    texels_p99: float
+    shift_p99: float
+    wrong: float
+    codes_p99: float
+    reason: str
+
+
+ANY = float("inf")
+EXACT = Limit(2e-3, 1e-3, 1e-2, 0.0, 0.6, "exact search: only the rounding of stored and returned numbers is allowed")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One renderer with some options.
+
+    Attributes
+    ----------
+    renderer : str
+    label : str
+        Name in tables, unique.
+    options : mapping
+    limit : Limit
+        For every case that `special` does not name.
+    special : mapping
+        Limits by the name of a case, or by the beginning of its name.
+    first_layer : bool
+        Only the first sample of each texel is shown.
+    refuses : str
+        Why it may refuse sources of a kind that it accepts; empty = it must not.
+    quick : bool
+        Takes part in the quick preset of ``speed-error``.
+    """
+
+    renderer: str
+    label: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    limit: Limit = EXACT
+    special: Mapping[str, Limit] = field(default_factory=dict)
+    first_layer: bool = False
+    refuses: str = ""
+    quick: bool = True
+
+    def limit_for(self, case: str) -> Limit:
+        """Return the limit of a case: the longest entry of `special` that its name begins with, else `limit`."""
+        fitting = [name for name in self.special if case.startswith(name)]
+        return self.special[max(fitting, key=len)] if fitting else self.limit
+
+
+SETTINGS: tuple[Setting, ...] = (
+    Setting("ldi", "ldi", {"search": "patches"}),
+    Setting("ldi", "ldi quadtree", {"search": "quadtree"}, quick=False),
+)
+
+
+def choose_settings(renderers: Sequence[str] = ()) -> list[Setting]:
+    """Return the settings of the registered renderers, or of those named.
+
+    Raises
+    ------
+    ConfigError
+        A name is neither a renderer nor a setting.
+    """
+    known = registered()
+    found = [
+        each for each in SETTINGS if each.renderer in known and set(each.options) <= set(known[each.renderer].options)
+    ]
+    named = {each.renderer for each in found}
+    found += [Setting(name, name) for name in known if name not in named]
+    for name in renderers:
+        if name not in known and name not in {each.label for each in found}:
+            raise ConfigError(f"there is no renderer or setting {name!r}; choose among: {', '.join(_names(found))}")
+    if renderers:
+        found = [each for each in found if each.renderer in renderers or each.label in renderers]
+    return found
+
+
+def _names(settings: Sequence[Setting]) -> list[str]:
+    return sorted({each.renderer for each in settings} | {each.label for each in settings})
