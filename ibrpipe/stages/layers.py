@@ -100,9 +100,9 @@ def build_layers(
     points = origins[ray] + hits.t[:, None].astype(np.float64) * directions[ray]
     normals = caster.smooth_normals(hits.face, hits.uv)
     rectangles, limits = [p.rectangle for p in plans], [p.max_angle_deg for p in plans]
-    keep = (hits.t > 0) & keep_rule(which, rectangles, limits, points, normals)
-    keep &= (hits.normal * directions[ray]).sum(axis=1) < 0
-    kept = np.flatnonzero(keep)
+    keep = keep_rule(which, rectangles, limits, points, normals)
+    front = (hits.t > 0) & ((hits.normal * directions[ray]).sum(axis=1) < 0)
+    kept = np.flatnonzero(with_rim(keep & front, front, ray, points, normals, plan.rectangle))
     kept = kept[distinct(ray[kept], hits.t[kept], plan.rectangle.texel)]
     kept = kept[first_of_each(ray[kept], plan.max_layers)]
     ray, depth, points, normals = ray[kept], hits.t[kept], points[kept], normals[kept]
@@ -118,6 +118,34 @@ def build_layers(
     offsets = np.concatenate([flat[:-1].reshape(height, width), flat[width::width][:, None]], axis=1)
     layers = LayeredDepthImage(plan.rectangle.frame, offsets, depth, color, normals, observers)
     return layers, describe(plan, layers)
+
+
+def with_rim(keep: Array, front: Array, ray: Array, points: Array, normals: Array, rectangle: Rectangle) -> Array:
+    """Add to the kept samples those one texel further on the same surface, so that textures overlap where they meet.
+
+    Parameters
+    ----------
+    keep, front : (N,) bool
+        Samples that are kept; samples that may be.
+    ray : (N,) texel of each sample, ascending
+    points, normals : (N, 3) world
+    """
+    kept, spare = np.flatnonzero(keep), np.flatnonzero(front & ~keep)
+    column = ray[spare] % rectangle.width
+    found = np.zeros(len(spare), bool)
+    for dv, du in ((0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)):
+        inside = (column + du >= 0) & (column + du < rectangle.width)
+        target = ray[spare] + dv * rectangle.width + du
+        at, end = np.searchsorted(ray[kept], target), np.searchsorted(ray[kept], target, side="right")
+        while len(trial := np.flatnonzero(inside & ~found & (at < end))):
+            own, other = spare[trial], kept[at[trial]]
+            apart = points[other] - points[own]
+            off = np.minimum(np.abs((apart * normals[own]).sum(axis=1)), np.abs((apart * normals[other]).sum(axis=1)))
+            found[trial] = off <= rectangle.texel
+            at[trial] += 1
+    result = keep.copy()
+    result[spare[found]] = True
+    return result
 
 
 def first_of_each(ray: Array, count: int) -> Array:

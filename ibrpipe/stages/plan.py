@@ -46,7 +46,7 @@ class PlanConfig(StageConfig):
         1.05, gt=0, le=4, description="Texels per photo pixel on the surface, where the photos are densest"
     )
     max_angle: float = Field(
-        55.0,
+        48.0,
         gt=0,
         le=90,
         description="Surfaces tilted further than this (degrees) go to a texture that faces them better",
