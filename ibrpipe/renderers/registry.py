@@ -55,6 +55,19 @@ _RENDERERS = (
             "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
         },
     ),
+    Renderer(
+        name="prewarp",
+        module="ibrpipe.renderers.prewarp",
+        summary="1-D pre-warp of relief textures along rows and columns, then planar texture mapping.",
+        paper="oliveira2000",
+        limits="Parallel frames, first layer; sampled, so silhouettes are right to about a texel.",
+        accepts=("ReliefTexture", "LayeredDepthImage", "SpiralTexture", "Asset"),
+        options={
+            "method": "two-pass or pipelined: rows, then columns, or both interspersed (default two-pass)",
+            "depth_bits": "8: heights as 254 levels with look-up tables; 32: floats (default 32)",
+            "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
+        },
+    ),
 )
 
 

@@ -1,0 +1,126 @@
+"""The `prewarp` renderer: 1-D pre-warp of relief textures, then planar texture mapping. Source: oliveira2000.
+
+Departures from the paper stand in ``docs/renderers/prewarp.md``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.core import prewarp_view
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers.ldi import limited_threads
+from ibrpipe.renderers.prewarp_faces import Face, Sight, plane_face, sight, wall_face
+from ibrpipe.renderers.prewarp_passes import Settings, warp_face
+from ibrpipe.renderers.prewarp_source import Relief, build_relief
+from ibrpipe.types import Array, Camera, Frame
+
+METHODS = ("two-pass", "pipelined")
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All relief textures of a prepared source."""
+
+    reliefs: tuple[Relief, ...]
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held beyond the sources."""
+        return sum(relief.bytes for relief in self.reliefs)
+
+
+def prepare(textures: tuple[Any, ...]) -> Scene:
+    """Take the first layer of every texture."""
+    return Scene(tuple(build_relief(texture) for texture in textures))
+
+
+def draw(
+    scene: Scene,
+    camera: Camera,
+    outputs: tuple[str, ...],
+    method: str = "two-pass",
+    depth_bits: int = 32,
+    threads: int = 0,
+) -> Frame:
+    """Render one frame; see `ibrpipe.render`."""
+    if method not in METHODS:
+        raise RendererError(f"method is {method!r}; choose among: {', '.join(METHODS)}")
+    if depth_bits not in (8, 32):
+        raise RendererError(f"depth_bits is {depth_bits!r}; heights are carried as 8 bits or 32")
+    settings = Settings(method, depth_bits)
+    began = perf_counter()
+    shape = (camera.height, camera.width)
+    depth = np.full(shape, np.inf, np.float32)
+    shaded = bool({"color", "alpha"} & set(outputs))
+    color, alpha = (np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)) if shaded else (None, None)
+    with limited_threads(threads):
+        for relief in scene.reliefs:
+            _draw_relief(relief, camera, settings, depth, color, alpha)
+    stats: dict[str, Any] = {"rays": depth.size, "milliseconds": 1e3 * (perf_counter() - began)}
+    return Frame(
+        color if "color" in outputs else None,
+        depth if "depth" in outputs else None,
+        alpha if "alpha" in outputs else None,
+        stats,
+    )
+
+
+def _draw_relief(
+    relief: Relief, camera: Camera, settings: Settings, depth: Array, color: Array | None, alpha: Array | None
+) -> None:
+    view = sight(relief.frame, camera)
+    before = depth.copy() if color is not None else depth
+    for face, swapped in visible_faces(relief, view):
+        turned, seen = (relief.swapped, view.swapped()) if swapped else (relief, view)
+        _draw_face(turned, seen, face, settings, depth)
+    if color is not None and alpha is not None:
+        prewarp_view.view_color(
+            depth,
+            before,
+            view.ways[:2],
+            view.eye[:2],
+            relief.color.ravel(),
+            np.array(relief.height.shape),
+            color,
+            alpha,
+        )
+
+
+def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:
+    """Return the exit faces in view, each with whether rows and columns are swapped."""
+    (rows, columns), (low, high) = relief.height.shape, relief.range
+    e_u, e_v, h = view.eye
+    if not low <= high or (relief.front_only and h >= high):
+        return []
+    found: list[tuple[Face | None, bool]] = []
+    if h > low and not relief.front_only:
+        found.append((plane_face(view, rows, columns, low), False))
+    if h < high:
+        found.append((plane_face(view, rows, columns, high), False))
+    for eye, count, other, swapped in ((e_v, rows, columns, False), (e_u, columns, rows, True)):
+        seen = view.swapped() if swapped else view
+        for at in (0.5, count - 0.5):
+            if high > low and (eye - at) * (0.5 * count - at) > 0:
+                found.append((wall_face(seen, other, at, low, high, relief.pitch), swapped))
+    return [(face, swapped) for face, swapped in found if face is not None]
+
+
+def _draw_face(relief: Relief, view: Sight, face: Face, settings: Settings, depth: Array) -> None:
+    picture = warp_face(relief, view, face, settings)
+    if picture is None:
+        return
+    shifts, left, top, columns = picture
+    homography = np.zeros((4, 3))
+    homography[:3] = face.homography
+    homography[0] -= left * face.homography[2]
+    homography[1] -= top * face.homography[2]
+    homography[3, 2] = face.far
+    bounds = np.array([*face.window, columns, len(shifts)])
+    bounds[:2] -= left
+    bounds[2:4] -= top
+    prewarp_view.view_depth(shifts.ravel(), shifts.shape[1], homography, bounds, relief.jump(face, view), depth)

@@ -1,0 +1,152 @@
+"""Which faces of a relief texture's box the camera sees it through, and what part of each is needed.
+
+The box spans the outermost texel centres and the range of heights. Every ray that meets the box leaves it through one
+*exit* face (at most three from outside in general position); the texture is pre-warped into those. Magnification there
+is never below 1, so no texel is lost in between. Texture coordinates: u, v in texels, d along f in scene units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrpipe.types import Array, Camera, ParallelFrame
+
+#: farthest a texel may be magnified toward the eye before it counts as reaching infinity
+MOST = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """A camera in texture coordinates: the point at camera depth t of pixel p is ``eye + t * ways @ (px, py, 1)``.
+
+    Attributes
+    ----------
+    eye : (3,) float64
+        u, v, d of the camera's centre.
+    ways : (3, 3) float64
+    width, height : int
+    """
+
+    eye: Array
+    ways: Array
+    width: int
+    height: int
+
+    def swapped(self) -> Sight:
+        """Return the same with rows and columns swapped."""
+        order = [1, 0, 2]
+        return Sight(self.eye[order], self.ways[order], self.width, self.height)
+
+
+def sight(frame: ParallelFrame, camera: Camera) -> Sight:
+    """Return `camera` in the texel coordinates of `frame`."""
+    local = frame.local_from_world
+    return Sight(local @ (camera.center - frame.origin), local @ camera.world_from_pixel, camera.width, camera.height)
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """One face of the box, as seen.
+
+    Attributes
+    ----------
+    wall : bool
+        A face v = `at`, seen with rows that are scaled (swap rows and columns for a face u = const); else d = `at`.
+    at : float
+        Its place.
+    pitch : float
+        Depth per pixel of a wall's picture, scene units; texels of the plane's picture are 1.
+    low : float
+        Depth of a wall's first border.
+    homography : (3, 3) float64
+        (x, y, w) of a pixel's point on the face, ``x / w, y / w`` in texels (wall: rows of `pitch`).
+    far : float
+        Camera depth of that point is ``far / w``.
+    window : (left, right, top, bottom) float
+        The part of the face that is in view, face pixels.
+    """
+
+    wall: bool
+    at: float
+    pitch: float
+    low: float
+    homography: Array
+    far: float
+    window: tuple[float, float, float, float]
+
+
+def plane_face(view: Sight, rows: int, columns: int, depth: float) -> Face | None:
+    """Return the face d = `depth`, or None where no ray in view leaves through it."""
+    e_u, e_v, h = view.eye
+    return _face(view, False, depth, 1.0, 0.0, 2, (0, 1), (e_u, e_v), depth - h, (0.5, columns - 0.5, 0.5, rows - 0.5))
+
+
+def wall_face(view: Sight, columns: int, at: float, low: float, high: float, pitch: float) -> Face | None:
+    """Return the face v = `at` between the depths `low` and `high`."""
+    e_u, e_v, h = view.eye
+    scaled = Sight(view.eye, view.ways * np.array([1.0, 1.0, 1.0 / pitch])[:, None], view.width, view.height)
+    limits = (0.5, columns - 0.5, 0.0, (high - low) / pitch)
+    return _face(scaled, True, at, pitch, low, 1, (0, 2), (e_u, (h - low) / pitch), at - e_v, limits)
+
+
+def _face(
+    view: Sight,
+    wall: bool,
+    at: float,
+    pitch: float,
+    low: float,
+    axis: int,
+    along: tuple[int, int],
+    foot: tuple[float, float],
+    reach: float,
+    limits: tuple[float, float, float, float],
+) -> Face | None:
+    """Homography of pixels onto the face that `axis` crosses; `reach`: its place minus the eye's."""
+    if reach == 0.0:
+        return None
+    sign = np.sign(reach)
+    weight = sign * view.ways[axis]
+    homography = np.stack([foot[i] * weight + abs(reach) * view.ways[along[i]] for i in range(2)] + [weight])
+    window = _visible(homography, view, limits)
+    return None if window is None else Face(wall, at, pitch, low, homography, abs(reach), window)
+
+
+def _visible(
+    homography: Array, view: Sight, limits: tuple[float, float, float, float]
+) -> tuple[float, float, float, float] | None:
+    """Clip the face's rectangle by the picture; return the bounds of what is left."""
+    scale = np.abs(homography).max()
+    if not scale > 0 or abs(np.linalg.det(homography / scale)) < 1e-300:
+        return None
+    pixels = np.linalg.inv(homography / scale)
+    left, right, top, bottom = limits
+    corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+    sides = [pixels[2], pixels[0], view.width * pixels[2] - pixels[0], pixels[1], view.height * pixels[2] - pixels[1]]
+    for side in sides:
+        corners = _clip(corners, side)
+        if len(corners) == 0:
+            return None
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    return float(x0), float(x1), float(y0), float(y1)
+
+
+def _clip(corners: Array, side: Array) -> Array:
+    """Keep the part of a convex polygon (N, 2) where ``side @ (x, y, 1) >= 0``."""
+    level = corners @ side[:2] + side[2]
+    kept: list[Array] = []
+    for here, there, a, b in zip(corners, np.roll(corners, -1, 0), level, np.roll(level, -1), strict=True):
+        if a >= 0:
+            kept.append(here)
+        if (a >= 0) != (b >= 0):
+            kept.append(here + (there - here) * (a / (a - b)))
+    return np.array(kept).reshape(-1, 2)
+
+
+def source_range(eye: float, window: tuple[float, float], least: float, most: float, count: int) -> tuple[int, int]:
+    """Return the first and last texel of a line that magnifications `least` to `most` can take into `window`."""
+    places = [eye + (x - eye) / s for x in window for s in (least, most)]
+    first = int(np.floor(min(max(min(places), -2.0), count + 2.0) - 0.5)) - 1
+    last = int(np.ceil(min(max(max(places), -2.0), count + 2.0) - 0.5)) + 1
+    return max(first, 0), min(last, count - 1)

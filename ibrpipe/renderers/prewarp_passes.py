@@ -1,0 +1,181 @@
+"""Pre-warping one relief texture into one face: what is needed of it, in what order, by which method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrpipe.core import prewarp, prewarp_pipelined
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers.prewarp_faces import MOST, Face, Sight, source_range
+from ibrpipe.renderers.prewarp_source import Relief
+from ibrpipe.types import Array
+
+_NONE8, _NONE = np.empty((0, 0), np.uint8), np.empty(0, np.float32)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How textures are warped: method "two-pass" or "pipelined", heights as 8 bits or 32."""
+
+    method: str = "two-pass"
+    depth_bits: int = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What of a texture reaches a face, and in what order.
+
+    Attributes
+    ----------
+    rows, texels : (first, last) that can reach the window
+    lines : (3, H) float32
+        A row's second coordinate is lines[0] + lines[1] * (what the first pass carries); its shift lines[2] (wall).
+    shifts : (H,) float32 or empty
+        Shift of every row of a wall.
+    eye : (3,) float64: e_u, h from the plane, depth of the plane
+    most : float
+        Greatest magnification.
+    order : int
+        1: rows ascend toward the eye, -1: they descend, 0: from both sides toward the foot.
+    """
+
+    rows: tuple[int, int]
+    texels: tuple[int, int]
+    lines: Array
+    shifts: Array
+    eye: Array
+    least: float
+    most: float
+    order: int
+
+
+def warp_face(
+    relief: Relief, view: Sight, face: Face, settings: Settings = Settings()
+) -> tuple[Array, int, int, int] | None:
+    """Pre-warp a relief texture into one face.
+
+    Returns
+    -------
+    shifts : (rows, stride) float32
+        g of every pixel of the face's window; NaN = nothing.
+    left, top, columns : int
+        Face pixel of the first one's outer corner, and how many columns are filled; None where nothing is in view.
+
+    Raises
+    ------
+    RendererError
+        The picture would be larger than the working memory of a line.
+    """
+    x0, x1, y0, y1 = face.window
+    left, top = int(np.floor(x0 - 0.5)), int(np.floor(y0 - 0.5))
+    count, height = int(np.ceil(x1 + 0.5)) - left, int(np.ceil(y1 + 0.5)) - top
+    if max(count, height) > prewarp.SPAN:
+        raise RendererError(f"the pre-warped picture would be {count} x {height} pixels; {prewarp.SPAN} is the most")
+    plan = _wall_plan(relief, view, face) if face.wall else _plane_plan(relief, view, face)
+    if plan.rows[1] <= plan.rows[0] or plan.texels[1] <= plan.texels[0]:
+        return None
+    stride = -(-count // prewarp.LANES) * prewarp.LANES + 16
+    out = np.empty((height, stride), np.float32)
+    warp = _pipelined if settings.method == "pipelined" else _two_pass
+    warp(relief, view, face, plan, settings, (left, top, count), out)
+    return out, left, top, count
+
+
+def _field(relief: Relief, face: Face, plan: Plan, settings: Settings) -> tuple[Array, Array, Array]:
+    """Heights, codes and table for the kernels: floats, or codes with a table of shifts (wall: depths)."""
+    if settings.depth_bits == 32:
+        return relief.height, _NONE8, _NONE
+    codes, depths = relief.codes
+    if face.wall:
+        return relief.height, codes, depths
+    d = depths.astype(np.float64) - plan.eye[2]
+    away = plan.eye[1] - d
+    tiny = 1e-6 * abs(plan.eye[1])
+    return relief.height, codes, (d / np.where(np.abs(away) > tiny, away, -tiny)).astype(np.float32)
+
+
+def _two_pass(
+    relief: Relief, view: Sight, face: Face, plan: Plan, settings: Settings, place: tuple[int, int, int], out: Array
+) -> None:
+    left, top, count = place
+    (first, last), height = plan.rows, len(out)
+    values = np.empty((relief.height.shape[0], out.shape[1]), np.float32)
+    window = np.array([first, last + 1, *plan.texels, left, count])
+    breaks = relief.breaks if relief.broken else _NONE8
+    prewarp.warp_rows(*_field(relief, face, plan, settings), breaks, plan.eye, plan.shifts, window, values)
+    split, ascending, descending = height if plan.order > 0 else 0, last, first
+    if plan.order == 0:
+        foot = prewarp.last_before(view.eye[1], relief.height.shape[0])
+        split = prewarp.first_pixel(view.eye[1], top, height)
+        ascending, descending = min(foot + 1, last), max(foot, first)
+    window = np.array([first, last, count, split, ascending, descending, top])
+    prewarp.warp_columns(values, values.ravel(), plan.lines, face.wall, plan.eye[1], relief.gap, window, out)
+
+
+def _pipelined(
+    relief: Relief, view: Sight, face: Face, plan: Plan, settings: Settings, place: tuple[int, int, int], out: Array
+) -> None:
+    left, top, count = place
+    rows, columns = relief.height.shape
+    places = np.empty((3, rows, columns), np.float32)
+    window = np.array([plan.rows[0], plan.rows[1] + 1, *plan.texels])
+    prewarp_pipelined.place_texels(
+        *_field(relief, face, plan, settings), plan.eye, plan.shifts, plan.lines, window, places
+    )
+    borders = [(x, x + prewarp_pipelined.STRIPE) for x in range(left, left + count, prewarp_pipelined.STRIPE)]
+    ranges = np.array([source_range(view.eye[0], border, plan.least, plan.most, columns) for border in borders])
+    feet = np.array([prewarp.last_before(view.eye[0], columns), prewarp.last_before(view.eye[1], rows)])
+    breaks = relief.breaks if relief.broken else _NONE8
+    window = np.array([*plan.rows, count, left, top, plan.order])
+    ranges = np.stack([np.maximum(ranges[:, 0], plan.texels[0]), np.minimum(ranges[:, 1], plan.texels[1])], axis=1)
+    prewarp_pipelined.pipeline(places, breaks, ranges, feet, window, out)
+
+
+def _magnification(low: float, high: float, at: float, h: float) -> tuple[float, float]:
+    """Least and greatest magnification (h - at) / (h - d) over the depths; MOST where texels reach the eye's plane."""
+    ratios = [(h - at) / (h - d) if h != d else MOST for d in (low, high)]
+    most = max(ratios) if min(ratios) > 0 else MOST
+    return min(min((r for r in ratios if r > 0), default=1.0), MOST), min(most, MOST)
+
+
+def _plane_plan(relief: Relief, view: Sight, face: Face) -> Plan:
+    e_u, e_v, h = view.eye
+    rows, columns = relief.height.shape
+    least, most = _magnification(*relief.range, face.at, h)
+    x0, x1, y0, y1 = face.window
+    v = np.arange(rows) + 0.5
+    return Plan(
+        source_range(e_v, (y0 - 1, y1 + 1), least, most, rows),
+        source_range(e_u, (x0 - 1, x1 + 1), least, most, columns),
+        np.stack([v, v - e_v, np.zeros(rows)]).astype(np.float32),
+        _NONE,
+        np.array([e_u, h - face.at, face.at]),
+        least,
+        most,
+        0,
+    )
+
+
+def _wall_plan(relief: Relief, view: Sight, face: Face) -> Plan:
+    e_u, e_v, h = view.eye
+    rows, columns = relief.height.shape
+    low, high = relief.range
+    x0, x1, y0, y1 = face.window
+    ahead = face.at > e_v
+    depths = (low + y0 * face.pitch, low + y1 * face.pitch)
+    ratios = [(h - z) / (h - d) if h != d else MOST for z in depths for d in (low, high)]
+    most = min(max(max(ratios), 1.0), MOST) if min(ratios) > 0 else MOST
+    nearest = e_v + (face.at - e_v) / most
+    edge = (max(nearest, e_v + 1e-4), face.at) if ahead else (face.at, min(nearest, e_v - 1e-4))
+    first, last = max(int(np.ceil(edge[0] - 0.5)) - 1, 0), min(int(np.floor(edge[1] - 0.5)) + 1, rows - 1)
+    v = np.arange(rows) + 0.5
+    away = (v - e_v) if ahead else (e_v - v)
+    while first <= last and away[first if ahead else last] < 1e-4:
+        first, last = (first + 1, last) if ahead else (first, last - 1)
+    g = np.where(away > 0, (face.at - v) / np.where(away > 0, v - e_v, 1.0), 0.0)
+    lines = np.stack([-(h * g + low) / face.pitch, (1.0 + g) / face.pitch, g]).astype(np.float32)
+    texels = source_range(e_u, (x0 - 1, x1 + 1), 1.0, most, columns)
+    eye = np.array([e_u, h, 0.0])
+    return Plan((first, last), texels, lines, g.astype(np.float32), eye, 1.0, most, -1 if ahead else 1)

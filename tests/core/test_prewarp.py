@@ -1,0 +1,134 @@
+"""The pre-warp: exact factorisation of the 3-D warp, kernels against their twin, order, singular places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kernel_runs import on_all_thread_counts
+from prewarp_twin import warp_plane, warp_wall
+
+import ibrpipe
+from ibrpipe.core import prewarp_equations as equations
+from ibrpipe.renderers.prewarp_faces import plane_face, sight, wall_face
+from ibrpipe.renderers.prewarp_passes import warp_face
+from ibrpipe.renderers.prewarp_source import build_relief
+
+RNG = np.random.default_rng(5)
+
+
+def unit(v):
+    return np.asarray(v, float) / np.linalg.norm(v)
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.integers(0, 2**32 - 1))
+def test_prewarp_then_homography_is_the_3d_warp(seed):
+    rng = np.random.default_rng(seed)
+    f = unit(rng.normal(size=3))
+    a, b = 0.05 * rng.normal(size=(2, 3))
+    if abs(np.linalg.det([unit(a), unit(b), f])) < 0.1:
+        return
+    origin = rng.normal(size=3)
+    normal = unit(np.cross(a, b)) * np.sign(np.cross(a, b) @ f)
+    eye = origin + 10 * (a + b) + (2 + 3 * rng.random()) * normal + 0.5 * rng.normal(size=3)
+    camera = ibrpipe.Camera.look_at(eye, origin + 10 * (a + b), rng.normal(size=3))
+    u, v = 20 * rng.random((2, 50))
+    d = rng.uniform(-0.5, 0.5, 50)
+    points = origin + np.outer(u, a) + np.outer(v, b) + np.outer(d, f)
+    project = camera.K @ camera.cam_from_world
+    whole = np.c_[points, np.ones(50)] @ project.T
+    k = equations.coefficients(origin - camera.center, a, b, f)
+    u_i, v_i = equations.prewarped(u, v, d, k)
+    good = np.isfinite(u_i)
+    flat = np.stack([u_i, v_i, np.ones(50)], 1) @ equations.plane_homography(origin, a, b, project).T
+    want, got = whole[:, :2] / whole[:, 2:], flat[:, :2] / flat[:, 2:]
+    size = np.maximum(1.0, np.abs(want) / 1000)
+    assert good.sum() > 5
+    np.testing.assert_array_less(np.abs(got - want)[good] / size[good], 1e-9 * max(1.0, np.abs(k[2]) * 10) * 100)
+
+
+def test_coefficients_of_a_right_angled_frame_are_the_papers():
+    a, b, f = 0.1 * np.eye(3)[0], 0.2 * np.eye(3)[1], np.eye(3)[2]
+    c = np.array([0.3, -0.4, -2.0])
+    k1, k2, k3 = equations.coefficients(c, a, b, f)
+    assert k3 == pytest.approx(1 / (c @ f))
+    assert k1 == pytest.approx((f @ np.cross(b, c)) / (a @ np.cross(b, c)))
+    assert k2 == pytest.approx((f @ np.cross(c, a)) / (b @ np.cross(c, a)))
+
+
+def test_eye_in_the_plane_and_texels_behind_the_eye_are_culled():
+    k = equations.coefficients((0.0, 0.0, 0.0), *np.eye(3))
+    assert not np.isfinite(k[2])
+    k = equations.coefficients((0.0, 0.0, -2.0), *np.eye(3))
+    u, _ = equations.prewarped(1.0, 1.0, np.array([1.9, 2.0, 2.5]), k)
+    assert np.isfinite(u[0])
+    assert np.isnan(u[1:]).all()
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_of_two_samples_on_one_ray_the_nearer_is_nearer_to_the_foot(seed, behind):
+    rng = np.random.default_rng(seed)
+    h = -3.0 if behind else 3.0
+    foot = rng.normal(size=2)
+    way = np.array([*rng.normal(size=2), -np.sign(h)])
+    near, far = np.sort(rng.uniform(0.5, 2.5, 2))
+    places = [foot + t * way[:2] for t in (near, far)]
+    assert np.linalg.norm(places[0] - foot) <= np.linalg.norm(places[1] - foot)
+
+
+def relief(height, gap=np.inf):
+    frame = ibrpipe.ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+    made = build_relief(ibrpipe.ReliefTexture(frame, np.ones((*height.shape, 3)), height))
+    return made if gap == np.inf else type(made)(made.frame, made.height, made.color, gap, False)
+
+
+def bumpy(rows, columns, holes=0.0):
+    height = np.cumsum(RNG.normal(size=(rows, columns)), axis=1) * 0.4
+    height = (height - height.min() + 0.5).astype(np.float32)
+    height[RNG.random(height.shape) < holes] = np.nan
+    return height
+
+
+def agree(got, want, places, limit=1e-4):
+    """Equal but for pixels whose centre lies at a segment's end, where rounding decides."""
+    same = np.isnan(got) == np.isnan(want)
+    close = np.abs(got - want) <= limit * (1 + np.abs(want))
+    right = (same & (close | np.isnan(want))).mean()
+    assert right > 1 - places, right
+
+
+@pytest.mark.parametrize("eye", [(11.3, 7.9, 40.0), (-20.0, 9.0, 30.0), (60.0, -30.0, 25.0), (8.0, 90.0, 12.0)])
+@pytest.mark.parametrize("holes", [0.0, 0.1])
+@pytest.mark.parametrize("gap", [np.inf, 0.7])
+def test_both_passes_equal_the_twin(eye, holes, gap):
+    height = bumpy(17, 23, holes)
+    source = relief(height, gap)
+    camera = ibrpipe.Camera.look_at(eye, (11, 8, 0), (0, 1, 0), 150.0, 64, 64)
+    view = sight(source.frame, camera)
+    face = plane_face(view, 17, 23, 0.0)
+    _, left, top, columns = warp_face(source, view, face)
+    (shifts,) = on_all_thread_counts(lambda: (warp_face(source, view, face)[0][:, :columns],))
+    x, y = np.arange(columns) + left + 0.5, np.arange(len(shifts)) + top + 0.5
+    want = warp_plane(height.astype(float), eye, x, y, gap)
+    inside = np.zeros(want.shape, bool)
+    x0, x1, y0, y1 = face.window
+    inside[np.ix_((y > y0) & (y < y1), (x > x0) & (x < x1))] = True
+    agree(np.where(inside, shifts[:, :columns], 0), np.where(inside, want, 0), 0.02)
+
+
+@pytest.mark.parametrize("eye", [(11.3, -9.0, 14.0), (30.0, 3.2, 9.0), (5.0, -100.0, 30.0)])
+@pytest.mark.parametrize("holes", [0.0, 0.1])
+def test_walls_equal_the_twin(eye, holes):
+    height = bumpy(17, 23, holes)
+    low, high = float(np.nanmin(height)), float(np.nanmax(height))
+    source = relief(height)
+    camera = ibrpipe.Camera.look_at(eye, (11, 16, 2), (0, 0, 1), 150.0, 64, 64)
+    view = sight(source.frame, camera)
+    face = wall_face(view, 23, 16.5, low, high, 0.25)
+    shifts, left, top, columns = warp_face(source, view, face)
+    x, y = np.arange(columns) + left + 0.5, low + 0.25 * (np.arange(len(shifts)) + top + 0.5)
+    want = warp_wall(height.astype(float), eye, 16.5, x, y)
+    agree(shifts[:, :columns], want, 0.02)

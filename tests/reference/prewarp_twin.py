@@ -1,0 +1,66 @@
+"""Slow plain twin of the pre-warp: every segment painted in order, in float64; nothing of the package's kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def paint_line(places, values, centers, x, order):
+    """Last segment in `order` (pairs of neighbours) that covers each x -> interpolated value, NaN = none."""
+    out = np.full(len(x), np.nan)
+    for i, j in order:
+        p, q = places[i], places[j]
+        if np.isnan(p) or np.isnan(q):
+            continue
+        inside = (x >= min(p, q)) & (x < max(p, q)) & centers(x)
+        out[inside] = values[i] + (x[inside] - p) / (q - p) * (values[j] - values[i])
+    return out
+
+
+def warp_line(values, places, e, x, joined=None):
+    """One line toward the foot `e` of the eye from both sides."""
+    n = len(values)
+    u = np.arange(n) + 0.5
+    joined = np.ones(n - 1, bool) if joined is None else joined
+    rising = [(i, i + 1) for i in range(n - 1) if u[i] <= e and joined[i]]
+    falling = [(i, i + 1) for i in range(n - 2, -1, -1) if u[i + 1] >= e and joined[i]]
+    before = paint_line(places, values, lambda s: s < e, x, rising)
+    return np.where(x < e, before, paint_line(places, values, lambda s: s >= e, x, falling))
+
+
+def warp_plane(height, eye, x, y, gap=np.inf):
+    """Shifts g of the plane d = 0 at pixel centres x (columns), y (rows), by both passes; eye (e_u, e_v, h)."""
+    e_u, e_v, h = eye
+    shift = height / (h - height)
+    u, v = np.arange(height.shape[1]) + 0.5, np.arange(height.shape[0]) + 0.5
+    first = np.stack(
+        [warp_line(g, u + (u - e_u) * g, e_u, x, np.abs(np.diff(d)) <= gap) for g, d in zip(shift, height, strict=True)]
+    )
+    columns = []
+    for g in first.T:
+        depth = h * g / (1 + g)
+        with np.errstate(invalid="ignore"):
+            columns.append(warp_line(g, v + (v - e_v) * g, e_v, y, np.abs(np.diff(depth)) <= gap))
+    return np.stack(columns, axis=1)
+
+
+def warp_wall(height, eye, at, x, y):
+    """Shifts of the face v = `at` beyond the rows, at columns x and depths y; the eye on the side of lesser v."""
+    e_u, e_v, h = eye
+    rows, columns = height.shape
+    u, v = np.arange(columns) + 0.5, np.arange(rows) + 0.5
+    keep = [k for k in range(rows) if v[k] > e_v + 1e-4]
+    g = {k: (at - v[k]) / (v[k] - e_v) for k in keep}
+    depth = {}
+    for k in keep:
+        places = u + (u - e_u) * g[k]
+        order = [(i, i + 1) for i in range(columns - 1)]
+        depth[k] = paint_line(places, height[k], lambda s: s == s, x, order)
+    out = np.full((len(y), len(x)), np.nan)
+    for c in range(len(x)):
+        d = np.array([depth[k][c] for k in keep])
+        shifts = np.array([g[k] for k in keep])
+        places = d + (d - h) * shifts
+        order = [(i, i + 1) for i in range(len(keep) - 2, -1, -1)]
+        out[:, c] = paint_line(places, shifts, lambda s: s == s, y, order)
+    return out

@@ -1,0 +1,187 @@
+"""Renderer `prewarp` against the exact search of `ldi`: pictures of smooth fields, every side, singular eyes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from kernel_runs import on_all_thread_counts
+
+import ibrpipe
+from ibrpipe.errors import RendererError
+
+N = 96
+
+
+def smooth(n=N, frame=None):
+    y, x = np.mgrid[:n, :n] / n
+    height = 0.08 + 0.06 * np.sin(7 * x + 1) * np.cos(6 * y)
+    color = 0.5 + 0.4 * np.stack([np.sin(20 * x), np.cos(17 * y), np.sin(12 * (x + y))], axis=2)
+    p = 1.0 / n
+    frame = frame or ibrpipe.ParallelFrame((0, 0, 0), (p, 0, 0), (0, p, 0), (0, 0, 1))
+    return ibrpipe.ReliefTexture(frame, color, height)
+
+
+def compare(source, camera, **options):
+    """Share of pixels that hit or miss otherwise, depth error over the others' size, colour rmse."""
+    got = ibrpipe.render(source, camera, "prewarp", **options)
+    want = ibrpipe.render(source, camera, "ldi")
+    assert not np.isnan(got.depth).any()
+    assert not np.isnan(got.color).any()
+    both = np.isfinite(got.depth) & np.isfinite(want.depth)
+    flips = (np.isfinite(got.depth) != np.isfinite(want.depth)).mean()
+    error = np.abs(got.depth[both] - want.depth[both])
+    rmse = np.sqrt(np.mean((got.color - want.color)[both] ** 2)) if both.any() else 0.0
+    return flips, error, rmse, both.mean()
+
+
+VIEWS = {
+    "frontal": ((0.5, 0.45, 1.4), 45),
+    "oblique": ((0.3, -0.6, 0.9), 50),
+    "low": ((1.6, -0.3, 0.3), 50),
+    "below": ((0.4, 0.6, -1.2), 45),
+    "in the slab": ((1.7, 0.4, 0.1), 50),
+    "corner": ((-0.5, -0.6, 0.5), 50),
+}
+
+
+@pytest.mark.parametrize("name", VIEWS)
+@pytest.mark.parametrize("method", ["two-pass", "pipelined"])
+@pytest.mark.parametrize("bits", [8, 32])
+def test_smooth_field_from_every_side(name, method, bits):
+    eye, fov = VIEWS[name]
+    camera = ibrpipe.Camera.look_at(eye, (0.5, 0.5, 0.08), (0.1, 1, 0.2), fov, 160, 120)
+    flips, error, rmse, covered = compare(smooth(), camera, method=method, depth_bits=bits)
+    folded = name in ("low", "in the slab", "corner")  # silhouettes: another surface within a texel of the edge
+    assert covered > 0.05
+    assert flips < 0.007
+    assert np.quantile(error, 0.9 if folded else 0.99) < (1.5 if folded else 0.5) / N
+    assert folded or rmse < 1 / 255
+
+
+def test_fold_overs_are_right_in_the_pipelined_method():
+    eye, fov = VIEWS["in the slab"]
+    camera = ibrpipe.Camera.look_at(eye, (0.5, 0.5, 0.08), (0.1, 1, 0.2), fov, 320, 240)
+    wrong = {m: (compare(smooth(), camera, method=m)[1] > 1 / N).mean() for m in ("two-pass", "pipelined")}
+    assert wrong["pipelined"] < 0.1
+    assert wrong["two-pass"] > 1.1 * wrong["pipelined"]
+
+
+def test_far_from_the_origin_and_tiny():
+    for shift, scale in ((1e6, 1.0), (0.0, 1e-6)):
+        p = scale / N
+        frame = ibrpipe.ParallelFrame((shift, shift, 0), (p, 0, 0), (0, p, 0), (0, 0, 1))
+        source = smooth(frame=frame)
+        source = ibrpipe.ReliefTexture(frame, source.color, source.height * scale)
+        middle = np.array([shift + 0.5 * scale, shift + 0.5 * scale, 0.08 * scale])
+        camera = ibrpipe.Camera.look_at(middle + scale * np.array([0.3, -0.7, 0.9]), middle, (0, 1, 0), 45, 80, 60)
+        flips, error, rmse, covered = compare(source, camera)
+        assert covered > 0.2
+        assert flips < 0.01
+        assert np.quantile(error, 0.99) < 0.5 * p
+        assert rmse < 1 / 255
+
+
+def test_slanted_frame():
+    frame = ibrpipe.ParallelFrame(
+        (0, 0, 0), (0.01, 0.002, 0), (-0.003, 0.012, 0.001), np.array([0.1, 0.2, 0.9]) / np.sqrt(0.86)
+    )
+    source = smooth(frame=frame)
+    camera = ibrpipe.Camera.look_at((0.3, -0.6, 1.5), (0.4, 0.6, 0.1), (0, 1, 0), 45, 120, 90)
+    flips, error, rmse, covered = compare(source, camera)
+    assert covered > 0.2
+    assert flips < 0.01
+    assert np.quantile(error, 0.99) < 0.005
+    assert rmse < 1 / 255
+
+
+@pytest.mark.parametrize(
+    "eye", [(0.5, 0.5, 0.08), (0.5, 0.5, 0.0), (0.2, 0.7, 0.14), (0.5, 0.5, 0.1400001), (2, 0.5, 0.02)]
+)
+def test_singular_eyes_give_no_nan_and_nothing_behind(eye):
+    source = smooth()
+    for target in ((0.9, 0.5, 0.08), (0.5, 0.9, 0.3)):
+        camera = ibrpipe.Camera.look_at(eye, target, (0, 0, 1), 70, 64, 48)
+        frame = ibrpipe.render(source, camera, "prewarp")
+        assert not np.isnan(frame.depth).any()
+        assert (frame.depth > 0).all()
+        assert not np.isnan(frame.color).any()
+        assert ((frame.alpha > 0) == np.isfinite(frame.depth)).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (9, 1), (2, 2), (5, 33)])
+def test_small_and_odd_sizes_do_not_fail(shape):
+    height = np.random.default_rng(1).random(shape)
+    frame = ibrpipe.ParallelFrame((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 1))
+    source = ibrpipe.ReliefTexture(frame, np.ones((*shape, 3)), height)
+    camera = ibrpipe.Camera.look_at((0.3, -2.0, 3.0), (0.3, 0.3, 0.5), (0, 0, 1), 40, 48, 36)
+    assert not np.isnan(ibrpipe.render(source, camera, "prewarp").depth).any()
+
+
+def test_transparent_texels_are_holes_and_all_of_them_nothing():
+    source = smooth()
+    height = source.height.copy()
+    height[30:60, 40:70] = np.nan
+    camera = ibrpipe.Camera.look_at((0.5, 0.4, 1.5), (0.5, 0.5, 0), (0, 1, 0), 45, 160, 120)
+    flips, *_ = compare(ibrpipe.ReliefTexture(source.frame, source.color, height), camera)
+    assert flips < 0.01
+    empty = ibrpipe.ReliefTexture(source.frame, source.color, np.full_like(height, np.nan))
+    assert np.isinf(ibrpipe.render(empty, camera, "prewarp").depth).all()
+
+
+def test_two_textures_interpenetrate():
+    one = smooth()
+    frame = ibrpipe.ParallelFrame((0, 0.02, 0.05), one.frame.a, one.frame.b, one.frame.f)
+    other = ibrpipe.ReliefTexture(frame, 1 - one.color, one.height.T.copy())
+    camera = ibrpipe.Camera.look_at((0.3, -0.5, 1.0), (0.5, 0.5, 0.1), (0, 1, 0), 45, 160, 120)
+    flips, error, _, covered = compare([one, other], camera)
+    assert covered > 0.3
+    assert flips < 0.01
+    assert np.quantile(error, 0.99) < 0.5 / N
+
+
+def test_threads_change_no_byte():
+    camera = ibrpipe.Camera.look_at((0.3, -0.6, 0.9), (0.5, 0.5, 0.1), (0, 1, 0), 45, 96, 72)
+
+    def shot():
+        frame = ibrpipe.render(smooth(), camera, "prewarp")
+        return frame.depth, frame.color, frame.alpha
+
+    on_all_thread_counts(shot)
+
+
+def test_perspective_layers_are_refused():
+    camera = ibrpipe.Camera.look_at((0, 0, 5), (0, 0, 0), (0, 1, 0), 45, 4, 3)
+    offsets = np.zeros((3, 5), np.int64)
+    layers = ibrpipe.LayeredDepthImage(camera, offsets, np.empty(0), np.empty((0, 3)), np.empty((0, 3)))
+    with pytest.raises(RendererError, match="parallel frames"):
+        ibrpipe.render(layers, camera, "prewarp")
+
+
+SCRIPT = """
+import numpy as np, sys
+import ibrpipe
+rng = np.random.default_rng(11)
+frame = ibrpipe.ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0.1), (0, 0, 1))
+height = rng.random((7, 9)) * 2
+height[2, 3] = np.nan
+relief = ibrpipe.ReliefTexture(frame, rng.random((7, 9, 3)), height)
+camera = ibrpipe.Camera.look_at((2, -4, 6), (3, 3, 1), width=13, height=11)
+seen = ibrpipe.render(relief, camera, "prewarp")
+np.savez(sys.argv[1], depth=seen.depth, color=seen.color)
+"""
+
+
+def run(path, **environment):
+    subprocess.run([sys.executable, "-c", SCRIPT, str(path)], check=True, env={**os.environ, **environment})
+    return np.load(path)
+
+
+def test_compiled_equals_plain_python(tmp_path):
+    compiled, plain = run(tmp_path / "a.npz"), run(tmp_path / "b.npz", NUMBA_DISABLE_JIT="1")
+    assert np.isfinite(compiled["depth"]).sum() > 20
+    np.testing.assert_allclose(compiled["depth"], plain["depth"], rtol=1e-4)
+    np.testing.assert_allclose(compiled["color"], plain["color"], atol=1e-3)
