@@ -44,7 +44,7 @@ def place_texels(height, codes, table, eye, shifts, lines, window, out):
 def meet_edge(places, ka, ia, kb, ib, x, span):
     # widen span (least q, its g, greatest q, its g) by where the edge between two texels meets the line x
     pa, pb = places[0, ka, ia], places[0, kb, ib]
-    if (pa < x) == (pb < x):
+    if (pa <= x) == (pb <= x):
         return span
     t = (x - pa) / (pb - pa)
     q = places[1, ka, ia] + t * (places[1, kb, ib] - places[1, ka, ia])

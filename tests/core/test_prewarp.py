@@ -12,7 +12,7 @@ from prewarp_twin import warp_plane, warp_wall
 import ibrpipe
 from ibrpipe.core import prewarp_equations as equations
 from ibrpipe.renderers.prewarp_faces import plane_face, sight, wall_face
-from ibrpipe.renderers.prewarp_passes import warp_face
+from ibrpipe.renderers.prewarp_passes import Settings, warp_face
 from ibrpipe.renderers.prewarp_source import build_relief
 
 RNG = np.random.default_rng(5)
@@ -132,3 +132,20 @@ def test_walls_equal_the_twin(eye, holes):
     x, y = np.arange(columns) + left + 0.5, low + 0.25 * (np.arange(len(shifts)) + top + 0.5)
     want = warp_wall(height.astype(float), eye, 16.5, x, y)
     agree(shifts[:, :columns], want, 0.02)
+
+
+@pytest.mark.parametrize("eye", [(11.3, 7.9, 60.0), (-20.0, 9.0, 50.0)])
+def test_pipelined_equals_the_twin_of_two_passes_where_nothing_folds(eye):
+    y, x = np.mgrid[:17, :23]
+    height = (1.5 + np.sin(0.4 * x) * np.cos(0.3 * y)).astype(np.float32)
+    source = relief(height)
+    camera = ibrpipe.Camera.look_at(eye, (11, 8, 0), (0, 1, 0), 150.0, 64, 64)
+    view = sight(source.frame, camera)
+    face = plane_face(view, 17, 23, 0.0)
+    _, left, top, columns = warp_face(source, view, face, Settings("pipelined"))
+    (shifts,) = on_all_thread_counts(lambda: (warp_face(source, view, face, Settings("pipelined"))[0][:, :columns],))
+    want = warp_plane(height.astype(float), eye, np.arange(columns) + left + 0.5, np.arange(len(shifts)) + top + 0.5)
+    both = np.isfinite(shifts) & np.isfinite(want)
+    assert both.mean() > 0.7
+    assert (np.isfinite(shifts) != np.isfinite(want)).mean() < 0.01
+    assert np.abs(shifts - want)[both].max() < 1e-4
