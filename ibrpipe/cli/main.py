@@ -26,6 +26,7 @@ COMMANDS: dict[str, dict[str, tuple[str, str]]] = {
             "Hold all renderers against the exact answer.",
         ),
         "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run or an asset holds."),
+        "relief": ("ibrpipe.cli.relief:command", "Make relief textures from images, meshes, assets or range data."),
         "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of all files on disk."),
         "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth."),
     },

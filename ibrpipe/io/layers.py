@@ -74,9 +74,11 @@ def _fill(deep: object, layers: LayeredDepthImage) -> None:
     table = np.column_stack([layers.color, seen, layers.depth, np.nan_to_num(layers.normal), observers])
     rows = iter(table.astype(float).tolist())
     set_samples, set_value = deep.set_samples, deep.set_deep_value  # type: ignore[attr-defined]
-    for pixel, count in enumerate(counts):
+    for pixel, count in enumerate(counts):  # all before the first value: later changes would move what is stored
         if count:
             set_samples(pixel, count)
+    for pixel, count in enumerate(counts):
+        if count:
             for sample in range(count):
                 for channel, value in enumerate(next(rows)):
                     set_value(pixel, channel, sample, value)

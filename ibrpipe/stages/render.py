@@ -17,7 +17,7 @@ from ibrpipe.config import StageConfig
 from ibrpipe.io.assets import read_asset
 from ibrpipe.io.images import write_exr, write_png
 from ibrpipe.io.paths import CameraPath, is_orbit, parse_orbit
-from ibrpipe.io.views import read_views
+from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render, renderers
 from ibrpipe.stages.stage import Stage
@@ -68,11 +68,11 @@ class RenderConfig(StageConfig):
 
 @dataclass(frozen=True)
 class Inputs:
-    """An asset folder, the views it was made from, and the folder to write to."""
+    """An asset folder, the views it was made from (none: an asset without a capture), and the folder to write to."""
 
     asset: Path
-    views: Path
-    out: Path
+    views: Path | None = None
+    out: Path = Path()
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
         The camera path does not exist or is empty.
     """
     asset = read_asset(inputs.asset)
-    path = camera_path(config.path, asset, read_views(inputs.views))
+    path = camera_path(config.path, asset, read_views(inputs.views) if inputs.views else ViewSet((), ()))
     path = tuple((name, _sized(camera, config.width, config.height)) for name, camera in path)
     frames: list[dict[str, Any]] = []
     videos: dict[str, str] = {}

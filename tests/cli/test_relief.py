@@ -1,0 +1,76 @@
+"""``ibrpipe relief`` and rendering an asset without a capture, through the command line."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import ibrpipe
+from ibrpipe.cli.main import cli
+from ibrpipe.io.meshes import write_mesh
+from ibrpipe.types import Mesh
+
+
+def call(*words):
+    return CliRunner().invoke(cli, [str(word) for word in words], catch_exceptions=False)
+
+
+@pytest.fixture
+def cube(tmp_path):
+    corners = np.array(list(np.ndindex(2, 2, 2)), float)
+    faces = [[0, 1, 3], [0, 3, 2], [4, 7, 5], [4, 6, 7], [0, 5, 1], [0, 4, 5], [2, 3, 7], [2, 7, 6], [0, 2, 6],
+             [0, 6, 4], [1, 5, 7], [1, 7, 3]]  # fmt: skip
+    write_mesh(Mesh(corners, np.array(faces, np.int32)), tmp_path / "cube.ply")
+    return tmp_path / "cube.ply"
+
+
+def test_images_become_an_asset_that_is_rendered_without_a_capture(tmp_path):
+    (tmp_path / "brick").mkdir()
+    cv2.imwrite(str(tmp_path / "brick/height.png"), np.tile(np.arange(0, 240, 8, dtype=np.uint8), (20, 1)))
+    cv2.imwrite(str(tmp_path / "brick/color.png"), np.full((20, 30, 3), 128, np.uint8))
+    done = call(
+        "relief", "images", tmp_path / "brick", "--size", 3, 2, "--depth-range", 0, 0.5, "--out", tmp_path / "a"
+    )
+    assert done.exit_code == 0
+    assert "1 relief texture, 600 texels" in done.output
+    asset = ibrpipe.read_asset(tmp_path / "a")
+    assert asset.textures[0].layers.depth.min() == pytest.approx(-0.5 * 232 / 255, abs=1e-6)
+    orbit = "orbit:frames=2,width=40,height=30"
+    done = call("render", "--asset", tmp_path / "a", "--renderers", "prewarp", "--path", orbit, "--out",
+                tmp_path / "run")  # fmt: skip
+    assert done.exit_code == 0
+    frames = json.loads((tmp_path / "run/render/frames.json").read_text())["frames"]
+    assert len(frames) == 2
+    assert (tmp_path / "run/render" / frames[0]["png"]).is_file()
+
+
+def test_mesh_box_and_asset(tmp_path, cube):
+    assert call("relief", "mesh", cube, "--side", "-x", "--texels", 8, "--out", tmp_path / "side").exit_code == 0
+    assert call("relief", "box", cube, "--texels", 8, "--out", tmp_path / "box").exit_code == 0
+    box = ibrpipe.read_asset(tmp_path / "box")
+    assert len(box.textures) == 6
+    assert [entry["name"] for entry in box.info["textures"]] == ["+x", "-x", "+y", "-y", "+z", "-z"]
+    assert call("relief", "asset", tmp_path / "box", "--out", tmp_path / "again").exit_code == 0
+    again = ibrpipe.read_asset(tmp_path / "again")
+    for one, other in zip(box.textures, again.textures, strict=True):
+        np.testing.assert_array_equal(one.layers.depth, other.layers.depth)
+
+
+def test_failures_are_one_line(tmp_path, cube):
+    for words, text in (
+        (("images", tmp_path / "none", "--out", tmp_path / "a"), "no such folder"),
+        (("mesh", cube, "--side", "up", "--out", tmp_path / "a"), "choose among"),
+        (("range", tmp_path, "--planes", tmp_path / "none.yaml", "--out", tmp_path / "a"), "no such file of planes"),
+    ):
+        done = call("relief", *words)
+        assert done.exit_code == 1
+        assert text in done.output
+        assert len(done.output.strip().splitlines()) == 1
+    assert call("relief", "images", "--out", tmp_path / "a").exit_code == 2
+    (tmp_path / "bad.yaml").write_text("- {origin: [0, 0, 0]}")
+    done = call("relief", "range", tmp_path, "--planes", tmp_path / "bad.yaml", "--out", tmp_path / "a")
+    assert "is no list of planes" in done.output
