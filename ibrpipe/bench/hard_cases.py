@@ -140,6 +140,10 @@ def _beyond(errors: Errors, meant: tuple[float, float] | None, limits: Limits) -
     if limits.wrong is not None and wrong > limits.wrong:
         parts = f"{errors.lost} lost, {errors.extra} extra, {errors.astray} astray"
         found.append(f"{errors.wrong} of {errors.pixels} pixels wrong ({parts}); at most {limits.wrong:.2%}")
+    if limits.gross is not None and errors.gross / max(errors.pixels, 1) > limits.gross:
+        found.append(
+            f"{errors.gross} of {errors.pixels} wrong by more than a texel's shift; at most {limits.gross:.2%}"
+        )
     named = {
         "texels": (errors.texels, "texels along the ray at worst"),
         "texels_p99": (errors.texels_p99, "texels along the ray (99th percentile)"),

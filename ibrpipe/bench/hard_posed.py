@@ -89,6 +89,7 @@ def hold_limits(limit: Limit, posed: Posed, surface: Surface, truth: oracle.Trut
         texels_p99=finite(limit.texels_p99 + rounding),
         shift_p99=finite(limit.shift_p99 + rounding * surface.texel * posed.shot.camera.K[0, 0] / max(far, 1e-300)),
         wrong=finite(limit.wrong),
+        gross=finite(limit.gross),
         codes_p99=None if colors_tie else finite(limit.codes_p99),
         meant=finite(limit.texels + rounding + stored),
         reason=f"{limit.reason}; {colors_tie}" if colors_tie else limit.reason,

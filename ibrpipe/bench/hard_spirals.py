@@ -51,11 +51,18 @@ def _spiral_cell(case: SpiralCase, setting: Setting, texture: Texture, camera: C
         ("texels", "texels_p99", "shift", "shift_p99", "off", "off_p99", "rmse", "meant", "meant_p99")
     )
     figures = Figures(
-        pixels=codes.size, hits=codes.size, doubtful=0, lost=lost, extra=0, astray=0, nan=nan, codes=finite(worst),
-        codes_p99=finite(p99), **nothing
+        pixels=codes.size, hits=codes.size, doubtful=0, lost=lost, extra=0, astray=0, gross=lost, nan=nan,
+        codes=finite(worst), codes_p99=finite(p99), **nothing
     )  # fmt: skip
     limits = Limits(
-        texels=None, texels_p99=None, shift_p99=None, wrong=0.0, codes_p99=SPIRAL_CODES, meant=None, reason=reason
+        texels=None,
+        texels_p99=None,
+        shift_p99=None,
+        wrong=0.0,
+        gross=0.0,
+        codes_p99=SPIRAL_CODES,
+        meant=None,
+        reason=reason,
     )
     return Cell(
         case=case.name, setting=setting.label, bits=32, status="fail" if failures else "pass", failures=failures,

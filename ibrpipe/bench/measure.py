@@ -16,6 +16,8 @@ from ibrpipe.types import Array, Camera, Frame
 ASTRAY = 1.0
 #: share of a texel by which the hits of a doubtful pixel differ at least
 DOUBTFUL = 1e-3
+#: widest texel, in pixels, by which the exact picture may be shifted for `Errors.gross`
+REACH = 6
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,9 @@ class Errors:
         Pixels whose hit rounding may move: silhouettes, rays along cracks, an eye on the surface.
     lost, extra, astray : int
         Pixels that should be hit and are not; are hit and should not be; show a place over a texel away along the ray.
+    gross : int
+        Wrong pixels that stay wrong when the exact picture may be shifted by a texel (or a pixel, the larger): not
+        what resampling does at silhouettes.
     nan : int
         Pixels with NaN in any output.
     texels, texels_p99 : float
@@ -51,6 +56,7 @@ class Errors:
     lost: int
     extra: int
     astray: int
+    gross: int
     nan: int
     texels: float
     texels_p99: float
@@ -122,6 +128,7 @@ def measure(
         lost=int(lost.sum()),
         extra=int(extra.sum()),
         astray=int(astray.sum()),
+        gross=_gross(got, truth, way, texel, camera),
         nan=int(nan.sum()),
         **_ends("texels", texels[both & clear]),
         **_ends("shift", shift),
@@ -130,6 +137,23 @@ def measure(
         rmse=float(np.sqrt(np.mean(texels[good] ** 2))) if good.any() else 0.0,
     )
     return errors, ErrorMaps(texels, lost | extra | astray | nan, clear, codes)
+
+
+def _gross(got: Array, truth: oracle.Truth, way: Array, texel: Array, camera: Camera) -> int:
+    """Count the pixels beyond the range of exact depths within a texel (or a pixel) around them."""
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    seen = np.isfinite(truth.depth)
+    if not np.isfinite(got).any():
+        return int(np.isfinite(truth.latest).sum())  # nothing is shown at all
+    wide = np.median(texel[seen] * camera.K[0, 0] / truth.depth[seen]) if seen.any() else 1.0
+    size = 2 * int(np.clip(np.ceil(wide), 1, REACH)) + 1
+    low = minimum_filter(truth.earliest, size, mode="nearest")
+    high = maximum_filter(truth.latest, size, mode="nearest")
+    beyond = (np.isinf(got) & np.isfinite(high)) | (np.isfinite(got) & np.isinf(low)) | np.isnan(got)
+    with np.errstate(invalid="ignore"):
+        astray = np.maximum(low - got, got - high) * way / texel > ASTRAY
+    return int((beyond | (np.isfinite(got) & astray)).sum())
 
 
 def ray_lengths(camera: Camera) -> Array:

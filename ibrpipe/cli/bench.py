@@ -20,7 +20,7 @@ class FailingCells(IbrError):
 
 @click.group(
     name="bench",
-    epilog=example("ibrpipe bench hard-cases --out bench"),
+    epilog=example("ibrpipe bench hard-cases --out bench", "ibrpipe bench speed-error --out bench"),
 )
 def command() -> None:
     """Hold all renderers against the exact answer: on hard cases, and speed against error."""
@@ -70,6 +70,51 @@ def hard_cases(out: Path, renderers: tuple[str, ...], cases: tuple[str, ...], as
 
 
 hard_cases.params.append(json_option)
+
+
+@command.command(
+    name="speed-error",
+    epilog=example("ibrpipe bench speed-error", "ibrpipe bench speed-error --mesh bunny.ply --renderers ldi"),
+)
+@click.option("--out", type=PATH, metavar="DIR", default="bench", show_default=True, help="Folder to write.")
+@click.option(
+    "--renderers", multiple=True, metavar="NAME", help="A renderer or one of its settings; may be given several times."
+)
+@click.option("--mesh", type=PATH, metavar="PATH", help="A further object: PLY, OBJ, GLB/glTF or STL.")
+@click.option("--quick", is_flag=True, help="Small sizes and few repeats: under a minute.")
+def speed_error(out: Path, renderers: tuple[str, ...], mesh: Path | None, quick: bool, as_json: bool) -> None:
+    """Time all renderers, their settings and two peers in one interleaved run, and measure their errors.
+
+    Height fields and objects of growing size; writes speed_error.json and speed_error.html, which says which renderer
+    to use when. Takes about ten minutes on two cores.
+    """
+    from ibrpipe.bench.report import write_speed_page
+    from ibrpipe.bench.settings import choose_settings
+    from ibrpipe.bench.speed_error import FULL, QUICK, run_speed_error
+    from ibrpipe.io.manifest import write_json
+    from ibrpipe.io.meshes import read_mesh
+
+    settings = choose_settings(renderers)
+    given = (mesh.stem, read_mesh(mesh)) if mesh else None
+    out.mkdir(parents=True, exist_ok=True)
+    with display():
+        run = run_speed_error(settings, QUICK if quick else FULL, given)
+    write_json(out / "speed_error.json", run.model.model_dump(mode="json"))
+    write_speed_page(out / "speed_error.html", run)
+    if as_json:
+        click.echo(json.dumps(run.model.model_dump(mode="json"), indent=2))
+        return
+    print_table(facts_table("who is fastest", _winners(run.model)))
+    click.echo(f"report: {(out / 'speed_error.html').resolve()}")
+
+
+speed_error.params.append(json_option)
+
+
+def _winners(model: Any) -> dict[str, str]:
+    from ibrpipe.bench.report.speed_page import summary
+
+    return {f"{row['need']} ({row['kind']}s)": f"{row['wins']} of {row['of']}" for row in summary(model)}
 
 
 def _summary(model: Any) -> dict[str, str]:

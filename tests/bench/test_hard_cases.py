@@ -20,20 +20,23 @@ from ibrpipe.cli.main import cli
 from ibrpipe.errors import ConfigError
 from ibrpipe.types import Frame
 
+LDI = ("ldi", "ldi quadtree")
+PREWARP = ("prewarp", "prewarp pipelined", "prewarp 8-bit")
 #: case -> (settings that are beyond their limits there, why); a cell that is mended must be taken out
 KNOWN = {
-    "eye-ten-million-texels-away": (
-        {"ldi", "ldi quadtree"},
-        "colour is looked up at the returned float32 depth, a texel off at this distance",
-    ),
+    "eye-ten-million-texels-away": (LDI, "colour is looked up at the returned float32 depth, a texel off so far away"),
     "near-far-depth-image": (
-        {"ldi quadtree"},
-        "16 bits of -1/z do not separate depths from 1e-3 to 1e3; hits are lost",
+        ("ldi quadtree",),
+        "16 bits of -1/z do not separate depths from 1e-3 to 1e3: hits are lost",
     ),
-    "spiral-linear-residuals-with-a-zero": (
-        {"ldi", "ldi quadtree"},
-        "the code of no residual is taken from residuals in linear light too",
+    "spiral-linear-residuals-with-a-zero": (LDI, "the code of no residual is taken from linear residuals too"),
+    "eye-on-texel": (PREWARP, "an eye that touches the surface sees texels a hundred pixels wide, and behind itself"),
+    "eye-just-above-texel": (PREWARP, "as eye-on-texel"),
+    **dict.fromkeys(
+        (f"size-{size}{kind}" for size in ("1x1", "9x1", "1x9") for kind in ("", "-layers")),
+        (PREWARP, "textures without a cell of four texels are not shown"),
     ),
+    "size-2x2": (PREWARP, "a single cell is not shown"),
 }
 
 
@@ -143,7 +146,7 @@ def test_what_is_accepted_wrongly_and_what_crashes_fails():
 
 
 def test_limits_are_chosen_by_the_longest_name():
-    loose, looser = Limit(1, 1, 1, 0, 1, "a"), Limit(2, 2, 2, 0, 2, "b")
+    loose, looser = Limit(1, 1, 1, 0, 0, 1, "a"), Limit(2, 2, 2, 0, 0, 2, "b")
     setting = Setting("ldi", "x", special={"grazing": loose, "grazing-89.9": looser})
     assert setting.limit_for("grazing-85") is loose
     assert setting.limit_for("grazing-89.9-low") is looser

@@ -163,7 +163,7 @@ def _limit_rows(model: HardCasesModel) -> list[dict[str, Any]]:
             "reason": reason,
         }
         for (setting, reason), found in rows.items()
-        for names in [("texels", "texels_p99", "shift_p99", "wrong", "codes_p99")]
+        for names in [("texels", "texels_p99", "shift_p99", "wrong", "gross", "codes_p99")]
     ]
 
 

@@ -1,0 +1,72 @@
+"""Time against size: texels alone, texels and pixels together, and the latter for every region of the epipole."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+from ibrpipe.bench.contenders import Contender
+from ibrpipe.bench.speed_results import Growth, Score, WorkFacts
+from ibrpipe.bench.timing import interleave, slope
+from ibrpipe.bench.workloads import height_field, region_views
+from ibrpipe.progress import track
+
+
+def grow_texels(scores: Sequence[Score], works: Sequence[WorkFacts]) -> list[Growth]:
+    """Return the curves of all contenders over the sizes of the height field, the picture staying as it is.
+
+    The time of a size is the geometric mean over its views of the fastest frame, which a busy machine disturbs least.
+    """
+    fields = [work for work in works if work.kind == "height field"]
+    curves = []
+    for name in dict.fromkeys(score.contender for score in scores):
+        sizes, times = [], []
+        for work in fields:
+            mine = [s.depth or s.both for s in scores if s.work == work.name and s.contender == name]
+            taken = [timing.fastest for timing in mine if timing]
+            if taken:
+                sizes.append(work.n)
+                times.append(math.exp(sum(map(math.log, taken)) / len(taken)))
+        if sizes:
+            curves.append(_curve("texels grow", name, sizes, times))
+    return curves
+
+
+def grow_both(contenders: Sequence[Contender], sizes: Sequence[int], repeats: int, seconds: float) -> list[Growth]:
+    """Return the curves where the picture has as many pixels along a side as the field has texels."""
+    return _grow(contenders, sizes, repeats, seconds, {"both grow": "within middle"})
+
+
+def grow_regions(contenders: Sequence[Contender], sizes: Sequence[int], repeats: int, seconds: float) -> list[Growth]:
+    """Return the same curves for the nine regions of the epipole; peers left out, whose time knows no epipole."""
+    ours = [contender for contender in contenders if contender.renderer != "peer"]
+    return _grow(ours, sizes, repeats, seconds, {f"epipole {name}": name for name in region_views(4)})
+
+
+def _grow(
+    contenders: Sequence[Contender], sizes: Sequence[int], repeats: int, seconds: float, series: dict[str, str]
+) -> list[Growth]:
+    times: dict[tuple[str, str], list[tuple[int, float]]] = {}
+    for n in track(sizes, "growth"):
+        work = height_field(n, 16)
+        cameras = region_views(n)
+        ready = {c.label: made for c in contenders if c.main and (made := c.make(work)) is not None and made.depth}
+        for name, region in series.items():
+            draws = {label: each.depth(cameras[region]) for label, each in ready.items() if each.depth}
+            for label, taken in interleave(draws, repeats, seconds).items():
+                times.setdefault((name, label), []).append((n, taken.fastest))
+    return [_curve(name, label, [n for n, _ in pairs], [t for _, t in pairs]) for (name, label), pairs in times.items()]
+
+
+def _curve(series: str, contender: str, sizes: list[int], times: list[float]) -> Growth:
+    pairs = list(zip(sizes, times))
+    doublings = [(b[1] / a[1]) ** (1.0 / math.log2(b[0] / a[0])) for a, b in pairwise(pairs)]
+    return Growth(
+        series=series,
+        contender=contender,
+        sizes=sizes,
+        milliseconds=times,
+        slope=slope(sizes, times),
+        doublings=doublings,
+    )

@@ -1,0 +1,184 @@
+"""Plots of the speed-error page, as SVG text: Pareto plots and curves of growth."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+from ibrpipe.bench.speed_results import ContenderFacts, Growth, Score, SpeedErrorModel
+
+INK, MUTED, GRID = "#1d2329", "#5d6770", "#e4e4df"
+#: colour of each renderer, in the order of the registry; peers are grey
+COLORS = ("#0b6e8f", "#b8541c", "#2f7d3b", "#7a4aa0", "#a3812a", "#c2387a")
+PEER = "#70767c"
+MARKERS = "osD^vPX<>ph*"
+#: least error that a logarithmic axis shows
+FLOOR = 1e-7
+
+
+def styles(contenders: Sequence[ContenderFacts]) -> dict[str, tuple[str, str]]:
+    """Return colour (one for each renderer) and marker (one for each of its settings) of every contender."""
+    renderers = [name for name in dict.fromkeys(c.renderer for c in contenders) if name != "peer"]
+    found, count = {}, dict.fromkeys((*renderers, "peer"), 0)
+    for each in contenders:
+        color = PEER if each.renderer == "peer" else COLORS[renderers.index(each.renderer) % len(COLORS)]
+        found[each.label] = (color, MARKERS[count[each.renderer] % len(MARKERS)])
+        count[each.renderer] += 1
+    return found
+
+
+def pareto_plot(model: SpeedErrorModel, work: str, views: Sequence[str], colour: bool) -> str:
+    """Draw milliseconds against error, a panel for each view; who is on the front is joined by a line.
+
+    `colour`: error of colour against the time of colour and depth; else error of depth against the time of depth.
+    """
+    rows = -(-len(views) // 2)
+    figure, panels, legend = _figure(rows, 2, 3.1)
+    marks, shown = styles(model.contenders), set()
+    for view, axes in zip(views, panels):
+        points = _points([s for s in model.scores if s.work == work and s.view == view], colour)
+        shown |= set(points)
+        for label, (x, y) in points.items():
+            color, marker = marks[label]
+            axes.plot(
+                [x], [y], marker, color=color, markersize=8, markeredgecolor="white", markeredgewidth=0.7, zorder=3
+            )
+        front = _front(list(points.values()))
+        axes.plot([x for x, _ in front], [y for _, y in front], "-", color="#b9c0c6", linewidth=1.4, zorder=1)
+        axes.set_title(view, fontsize=11, color=INK, loc="left")
+        axes.set_xscale("log")
+        if not colour:
+            axes.set_yscale("log")
+            axes.set_ylim(FLOOR / 2, 2)
+        else:
+            axes.set_ylim(bottom=0)
+        _dress(axes)
+    for axes in panels[len(views) :]:
+        axes.set_visible(False)
+    error = "RMS error of colour, 8-bit sRGB codes" if colour else "mean error, texels (1 = wrong)"
+    figure.supxlabel(f"milliseconds a frame of {model.width} × {model.height}", fontsize=10, color=MUTED, x=0.42)
+    figure.supylabel(error, fontsize=10, color=MUTED, x=0.005)
+    _legend(legend, marks, [c.label for c in model.contenders if c.label in shown])
+    return _svg(figure)
+
+
+def growth_plot(model: SpeedErrorModel, series: Sequence[str]) -> str:
+    """Draw time against size for one or two series, a panel each; slopes stand in the table below."""
+    figure, panels, legend = _figure(1, max(2, len(series)), 3.6)
+    marks, shown = styles(model.contenders), []
+    for name, axes in zip(series, panels):
+        for curve in model.growth:
+            if curve.series == name and len(curve.sizes) > 1:
+                color, marker = marks[curve.contender]
+                axes.plot(curve.sizes, curve.milliseconds, marker + "-", color=color, markersize=6, linewidth=1.5,
+                          markeredgecolor="white", markeredgewidth=0.6)  # fmt: skip
+                shown.append(curve.contender)
+        _squared(axes, [curve for curve in model.growth if curve.series == name])
+        axes.set_title(name, fontsize=11, color=INK, loc="left")
+        _log_sizes(axes)
+        _dress(axes)
+    for axes in panels[len(series) :]:
+        axes.set_visible(False)
+    figure.supxlabel("n: texels along a side", fontsize=10, color=MUTED, x=0.42)
+    figure.supylabel("milliseconds, fastest frame", fontsize=10, color=MUTED, x=0.005)
+    _legend(legend, marks, list(dict.fromkeys(shown)))
+    return _svg(figure)
+
+
+def _squared(axes: Any, curves: Sequence[Growth]) -> None:
+    """Draw a dotted line of slope 2 below the curves: time that grows with the number of texels."""
+    sizes = sorted({n for curve in curves for n in curve.sizes})
+    if len(sizes) > 1:
+        least = min(time for curve in curves for time in curve.milliseconds[-1:])
+        axes.plot(sizes, [0.6 * least * (n / sizes[-1]) ** 2 for n in sizes], ":", color=MUTED, linewidth=1.2)
+        axes.annotate("n²", (sizes[-1], 0.6 * least), (3, -2), textcoords="offset points", fontsize=9, color=MUTED)
+
+
+def _log_sizes(axes: Any) -> None:
+    from matplotlib.ticker import NullLocator
+
+    axes.set_xscale("log", base=2)
+    axes.set_yscale("log")
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.xaxis.set_minor_locator(NullLocator())
+
+
+def _points(scores: Sequence[Score], colour: bool) -> dict[str, tuple[float, float]]:
+    """Return milliseconds and error of everyone who has both; peers without a colour of their own keep out."""
+    found = {}
+    for score in scores:
+        timing = score.both if colour else score.depth or score.both
+        error = score.codes if colour else max(score.clipped, FLOOR)
+        if timing is not None and error is not None and not (colour and score.contender == "Embree"):
+            found[score.contender] = (timing.milliseconds, error)
+    return found
+
+
+def _front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the points that nobody beats in both, from fast to slow."""
+    front: list[tuple[float, float]] = []
+    for x, y in sorted(points):
+        if not front or y < front[-1][1]:
+            front.append((x, y))
+    return front
+
+
+def _figure(rows: int, columns: int, height: float) -> tuple[Any, list[Any], Any]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.6, height * rows + 0.5), dpi=72)
+    grid = figure.add_gridspec(
+        rows, columns + 1, width_ratios=[1] * columns + [0.42], left=0.062, right=0.995, wspace=0.2,
+        top=1 - 0.3 / (height * rows), bottom=0.62 / (height * rows), hspace=0.34,
+    )  # fmt: skip
+    panels = [figure.add_subplot(grid[row, column]) for row in range(rows) for column in range(columns)]
+    legend = figure.add_subplot(grid[:, columns])
+    legend.axis("off")
+    return figure, panels, legend
+
+
+def _legend(axes: Any, marks: dict[str, tuple[str, str]], labels: Sequence[str]) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], marker=marks[name][1], color=marks[name][0], linestyle="", markersize=8, label=name)
+        for name in labels
+    ]
+    axes.legend(handles=handles, loc="upper left", frameon=False, fontsize=10, labelcolor=INK, borderaxespad=0)
+
+
+def _dress(axes: Any) -> None:
+    axes.grid(True, color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=MUTED, length=0, which="both", labelsize=9)
+    axes.margins(x=0.12)
+    if axes.get_xscale() == "log" and axes.xaxis.get_transform().base == 10:
+        _plain_ticks(axes)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    axes.spines["bottom"].set_color("#c9cbc7")
+
+
+def _plain_ticks(axes: Any) -> None:
+    """Write 0.1, 1, 2, 5, 10 rather than powers of ten."""
+    from matplotlib.ticker import FixedLocator, NullLocator
+
+    low, high = axes.get_xlim()
+    steps = (1, 2, 5) if high / low < 200 else (1,)
+    values = [step * 10.0**power for power in range(-4, 6) for step in steps]
+    axes.xaxis.set_major_locator(FixedLocator([value for value in values if low <= value <= high]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+
+
+def _svg(figure: Any) -> str:
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    target = io.StringIO()
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "ibrpipe", "font.family": "sans-serif"}):
+        no_metadata = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+        FigureCanvasSVG(figure).print_svg(target, metadata=no_metadata)
+    text = target.getvalue()
+    return text[text.index("<svg") :]

@@ -1,0 +1,180 @@
+"""The page of speed against error."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ibrpipe.bench.advice import NEEDS
+from ibrpipe.bench.report.error_pictures import draw_errors, gradient
+from ibrpipe.bench.report.plots import growth_plot, pareto_plot, styles
+from ibrpipe.bench.report.template import figure, fill, share
+from ibrpipe.bench.speed_error import SpeedRun
+from ibrpipe.bench.speed_results import Score, SpeedErrorModel, WorkFacts
+
+
+def write_speed_page(path: Path, run: SpeedRun) -> None:
+    """Write the page: one file without scripts that loads nothing from anywhere."""
+    model = run.model
+    path.write_text(
+        fill(
+            "speed_error.html",
+            model=model,
+            summary=summary(model),
+            advice=_advice(model),
+            paretos=_paretos(model),
+            growth=_growth(model),
+            regions=_regions(model),
+            pictures=_pictures(run),
+            gradient=gradient(),
+            totals=_totals(model),
+            labels={c.label: c for c in model.contenders},
+            colors={label: color for label, (color, _) in styles(model.contenders).items()},
+        ),
+        encoding="utf-8",
+    )
+
+
+def summary(model: SpeedErrorModel) -> list[dict[str, Any]]:
+    """Return, for every need, how often who is fastest: in height fields and in objects."""
+    kinds = {work.name: work.kind for work in model.works}
+    found = []
+    for need in NEEDS:
+        for kind in dict.fromkeys(kinds.values()):
+            mine = [c for c in model.choices if c.need == need.words and kinds[c.work] == kind]
+            counts = Counter(choice.winner for choice in mine)
+            wins = ", ".join(f"{name or 'nobody'} {count}" for name, count in counts.most_common())
+            found.append({"need": need.words, "kind": kind, "wins": wins, "of": len(mine)})
+    return found
+
+
+def shown_works(model: SpeedErrorModel) -> list[WorkFacts]:
+    """Return the smallest, middle and largest height field, and the largest of each object."""
+    fields = [work for work in model.works if work.kind == "height field"]
+    chosen = {n: fields[n] for n in (0, len(fields) // 2, len(fields) - 1)} if fields else {}
+    objects = {work.name.rpartition(" ")[0]: work for work in model.works if work.kind == "object"}
+    return [*chosen.values(), *objects.values()]
+
+
+def _advice(model: SpeedErrorModel) -> list[dict[str, Any]]:
+    """One row for each thing and view: the winner of every need, its time, and the next."""
+    choices = {(c.work, c.view, c.need): c for c in model.choices}
+    scores = {(s.work, s.view, s.contender): s for s in model.scores}
+    rows = []
+    for work in shown_works(model):
+        for view in work.views:
+            cells = []
+            for need in NEEDS:
+                choice = choices[work.name, view, need.words]
+                if choice.winner is None:
+                    cells.append({"winner": "nobody", "note": "", "next": ""})
+                    continue
+                score = scores[work.name, view, choice.winner]
+                cost = f"{score.codes:.1f} codes" if need.picture and score.codes is not None else _depth_cost(score)
+                after = (
+                    f"{choice.second} takes {choice.ratio:.1f}×" if choice.second and choice.ratio else "the only one"
+                )
+                note = f"{figure(choice.milliseconds)} ms · {cost}"
+                cells.append({"winner": choice.winner, "note": note, "next": after})
+            rows.append({"work": work.name, "view": view, "cells": cells})
+    return rows
+
+
+def _depth_cost(score: Score) -> str:
+    return f"{share(score.wrong)} wrong, {figure(score.rmse)} texels"
+
+
+def _paretos(model: SpeedErrorModel) -> list[dict[str, Any]]:
+    fields = [work for work in model.works if work.kind == "height field"]
+    objects = {work.name.rpartition(" ")[0]: work for work in model.works if work.kind == "object"}
+    middle = fields[len(fields) // 2]
+    others = [work for work in (fields[0], fields[-1]) if work.name != middle.name]
+    found = [_pareto(model, middle, colour, True) for colour in (False, True)]
+    found += [_pareto(model, work, True, True) for work in objects.values()]
+    found += [_pareto(model, work, colour, False) for work in others for colour in (False, True)]
+    return found + [_pareto(model, work, False, False) for work in objects.values()]
+
+
+def _pareto(model: SpeedErrorModel, work: WorkFacts, colour: bool, opened: bool) -> dict[str, Any]:
+    title = f"{work.name}: {'colour' if colour else 'depth'}"
+    return {"title": title, "open": opened, "svg": _safe(pareto_plot(model, work.name, work.views, colour))}
+
+
+def _safe(svg: str) -> Any:
+    from markupsafe import Markup
+
+    return Markup(svg)
+
+
+def _growth(model: SpeedErrorModel) -> dict[str, Any]:
+    series = ["texels grow", "both grow"]
+    rows = [curve for curve in model.growth if curve.series in series and curve.slope is not None]
+    return {"svg": _safe(growth_plot(model, series)), "rows": rows}
+
+
+def _regions(model: SpeedErrorModel) -> list[dict[str, Any]]:
+    """One row for each region of the epipole: slope and greatest factor per doubling of every renderer."""
+    curves = [curve for curve in model.growth if curve.series.startswith("epipole ") and curve.slope is not None]
+    names = list(dict.fromkeys(curve.contender for curve in curves))
+    rows = []
+    for series in dict.fromkeys(curve.series for curve in curves):
+        mine = {curve.contender: curve for curve in curves if curve.series == series}
+        rows.append({"region": series.removeprefix("epipole "), "curves": [mine.get(name) for name in names]})
+    return [{"names": names, "rows": rows}] if rows else []
+
+
+def _pictures(run: SpeedRun) -> list[dict[str, Any]]:
+    """Return the pictures of each thing and view, beside what they cost."""
+    scores = {(s.work, s.view, s.contender): s for s in run.model.scores}
+    groups: dict[tuple[str, str], list[dict[str, str]]] = {}
+    for shown in run.shown:
+        score = scores[shown.work, shown.view, shown.contender]
+        timing = score.depth or score.both
+        taken = figure(timing.milliseconds if timing else None)
+        note = f"{share(score.wrong)} wrong · rms {figure(score.rmse)} texels · {taken} ms"
+        item = {"label": shown.contender, "note": note, "image": draw_errors(shown)}
+        groups.setdefault((shown.work, shown.view), []).append(item)
+    return [{"title": f"{work}, {view}", "items": items} for (work, view), items in groups.items()]
+
+
+def _totals(model: SpeedErrorModel) -> list[dict[str, Any]]:
+    """One table for each thing: every contender over all views."""
+    tables = []
+    for work in model.works:
+        rows = []
+        for contender in model.contenders:
+            mine = [s for s in model.scores if s.work == work.name and s.contender == contender.label]
+            if mine:
+                prepared = next(p for p in model.preparations if p.work == work.name and p.contender == contender.label)
+                rows.append(_total(contender.label, mine, prepared.milliseconds, prepared.bytes / work.texels, model))
+        tables.append({"work": work, "rows": rows, "open": work.name in {w.name for w in shown_works(model)[1:2]}})
+    return tables
+
+
+def _total(label: str, scores: Sequence[Score], prepared: float, held: float, model: SpeedErrorModel) -> dict[str, Any]:
+    pixels = model.width * model.height
+    depth = _mean([s.depth.milliseconds for s in scores if s.depth])
+    both = _mean([s.both.milliseconds for s in scores if s.both])
+    spreads = [(t.high - t.low) / t.milliseconds for s in scores for t in (s.depth or s.both,) if t]
+    codes = [s.codes for s in scores if s.codes is not None]
+    return {
+        "label": label,
+        "depth": figure(depth),
+        "rays": figure(pixels / depth / 1e3 if depth else None),
+        "both": figure(both),
+        "spread": f"{100 * max(spreads, default=0):.0f} %",
+        "wrong": share(max(s.wrong for s in scores)),
+        "rmse": figure(max(s.rmse for s in scores)),
+        "codes": figure(max(codes, default=None)),
+        "meant": share(max(s.meant_wrong for s in scores)),
+        "prepared": figure(prepared),
+        "bytes": figure(held),
+    }
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    """Geometric mean."""
+    return math.exp(sum(map(math.log, values)) / len(values)) if values else None
