@@ -12,6 +12,9 @@ from ibrpipe.bench.timing import interleave, slope
 from ibrpipe.bench.workloads import height_field, region_views
 from ibrpipe.progress import track
 
+#: most frames from which the fastest is taken
+FRAMES = 40
+
 
 def grow_texels(scores: Sequence[Score], works: Sequence[WorkFacts]) -> list[Growth]:
     """Return the curves of all contenders over the sizes of the height field, the picture staying as it is.
@@ -33,19 +36,19 @@ def grow_texels(scores: Sequence[Score], works: Sequence[WorkFacts]) -> list[Gro
     return curves
 
 
-def grow_both(contenders: Sequence[Contender], sizes: Sequence[int], repeats: int, seconds: float) -> list[Growth]:
+def grow_both(contenders: Sequence[Contender], sizes: Sequence[int], seconds: float) -> list[Growth]:
     """Return the curves where the picture has as many pixels along a side as the field has texels."""
-    return _grow(contenders, sizes, repeats, seconds, {"both grow": "within middle"})
+    return _grow(contenders, sizes, seconds, {"both grow": "within middle"})
 
 
-def grow_regions(contenders: Sequence[Contender], sizes: Sequence[int], repeats: int, seconds: float) -> list[Growth]:
+def grow_regions(contenders: Sequence[Contender], sizes: Sequence[int], seconds: float) -> list[Growth]:
     """Return the same curves for the nine regions of the epipole; peers left out, whose time knows no epipole."""
     ours = [contender for contender in contenders if contender.renderer != "peer"]
-    return _grow(ours, sizes, repeats, seconds, {f"epipole {name}": name for name in region_views(4)})
+    return _grow(ours, sizes, seconds, {f"epipole {name}": name for name in region_views(4)})
 
 
 def _grow(
-    contenders: Sequence[Contender], sizes: Sequence[int], repeats: int, seconds: float, series: dict[str, str]
+    contenders: Sequence[Contender], sizes: Sequence[int], seconds: float, series: dict[str, str]
 ) -> list[Growth]:
     times: dict[tuple[str, str], list[tuple[int, float]]] = {}
     for n in track(sizes, "growth"):
@@ -54,7 +57,7 @@ def _grow(
         ready = {c.label: made for c in contenders if c.main and (made := c.make(work)) is not None and made.depth}
         for name, region in series.items():
             draws = {label: each.depth(cameras[region]) for label, each in ready.items() if each.depth}
-            for label, taken in interleave(draws, repeats, seconds).items():
+            for label, taken in interleave(draws, FRAMES, seconds).items():
                 times.setdefault((name, label), []).append((n, taken.fastest))
     return [_curve(name, label, [n for n, _ in pairs], [t for _, t in pairs]) for (name, label), pairs in times.items()]
 

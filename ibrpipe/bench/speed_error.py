@@ -42,8 +42,8 @@ class Preset:
         Texels and pixels along a side where both grow.
     repeats : int
         Timed frames of each contender in each view.
-    seconds : float
-        Of timing for each view.
+    seconds, growth_seconds : float
+        Of timing for each view; for each size and region of the curves of growth.
     """
 
     name: Literal["quick", "full"]
@@ -53,10 +53,11 @@ class Preset:
     growing: tuple[int, ...]
     repeats: int
     seconds: float
+    growth_seconds: float
 
 
-QUICK = Preset("quick", 160, (64, 128), (48,), (64, 128), 3, 1.0)
-FULL = Preset("full", 640, (128, 256, 512, 1024, 2048), (64, 128, 256), (128, 256, 512, 1024), 9, 8.0)
+QUICK = Preset("quick", 160, (64, 128), (48,), (64, 128), 3, 1.0, 0.1)
+FULL = Preset("full", 640, (128, 256, 512, 1024, 2048), (64, 128, 256), (128, 256, 512, 1024), 9, 8.0, 2.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +97,8 @@ def run_speed_error(settings: Sequence[Setting], preset: Preset, mesh: tuple[str
         work = height_field(n, preset.width) if each is None else object_of(each, name, n, preset.width)
         _render_all(work, contenders, preset, run)
     curves = growth.grow_texels(run.scores, run.works)
-    curves += growth.grow_both(contenders, preset.growing, preset.repeats, preset.seconds)
-    curves += growth.grow_regions(contenders, preset.growing, max(3, preset.repeats // 2), preset.seconds)
+    curves += growth.grow_both(contenders, preset.growing, 2.0 * preset.growth_seconds)
+    curves += growth.grow_regions(contenders, preset.growing, preset.growth_seconds)
     spreads = [(t.high - t.low) / t.milliseconds for s in run.scores for t in (s.depth, s.both) if t and t.frames > 2]
     model = SpeedErrorModel(
         machine=describe_machine(),
