@@ -96,9 +96,28 @@ STEEP = {
     )
 }
 
+#: layered images end half a texel beyond their outermost samples; height fields at them
+NO_RIM = "; layered images as height fields of their first layer, without the rim of half a texel"
+RIM = Limit(2e-3, 1e-3, 1e-2, 0.06, 2e-3, 0.6, EXACT.reason + NO_RIM)
+RIMS = dict.fromkeys(("layers-", "bits-layers", *(f"size-{n}-layers" for n in ("33x5", "7x13"))), RIM) | dict.fromkeys(
+    (f"size-{n}-layers" for n in ("1x1", "9x1", "1x9", "2x2")), Limit(2e-3, 1e-3, 1e-2, 0.12, ANY, 0.6, RIM.reason)
+)
+STEPS = Limit(
+    ANY, ANY, 8.0, 0.13, 0.05, ANY,
+    "published search: features thinner than a step are missed, and what is below the surface where it enters is hit",
+)  # fmt: skip
+FLATS = {
+    "surface-constant": Limit(ANY, ANY, ANY, 1.0, 1.0, ANY, "published search: a box without thickness holds no step")
+}
+
 SETTINGS: tuple[Setting, ...] = (
     Setting("ldi", "ldi", {"search": "patches"}),
     Setting("ldi", "ldi quadtree", {"search": "quadtree"}, quick=False),
+    Setting("relief", "relief", {"search": "exact"}, special=RIMS, first_layer=True),
+    Setting("relief", "relief 32+8", {"search": "linear-binary"}, STEPS, FLATS, first_layer=True),
+    Setting(
+        "relief", "relief 256+8", {"search": "linear-binary", "linear_steps": 256}, STEPS, FLATS, True, quick=False
+    ),
     Setting("prewarp", "prewarp", {"method": "two-pass"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
     Setting("prewarp", "prewarp pipelined", {"method": "pipelined"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
     Setting("prewarp", "prewarp 8-bit", {"depth_bits": 8}, SAMPLED, TOUCHED | STEEP, first_layer=True, quick=False),
