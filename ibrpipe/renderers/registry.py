@@ -56,6 +56,18 @@ _RENDERERS = (
         },
     ),
     Renderer(
+        name="epipolar",
+        module="ibrpipe.renderers.epipolar",
+        summary="Inverse warp along whole epipolar lines, exact or with nearest or interpolated reference samples.",
+        paper="schaufler1999",
+        limits="Pinhole cameras; view-independent colour; nearest and linear searches use the first layer.",
+        accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Asset"),
+        options={
+            "search": "exact, nearest (as published) or linear: what a line meets (default exact)",
+            "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
+        },
+    ),
+    Renderer(
         name="prewarp",
         module="ibrpipe.renderers.prewarp",
         summary="1-D pre-warp of relief textures along rows and columns, then planar texture mapping.",

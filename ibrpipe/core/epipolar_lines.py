@@ -1,0 +1,173 @@
+"""Epipolar lines of a field: which lines of the reference cover the picture, and where a pixel lies among them.
+
+Rays of one eye E that share an epipolar plane cross a field along one line of the reference, which passes through the
+epipole, E's place in the reference (schaufler1999, sec. 4). A ray is straight in the field's coordinates
+(:mod:`ibrpipe.core.rays`); the direction in which it crosses the reference is ``W = P_q Q - Q_q P``, linear in the
+pixel, and W = 0 is the epipole of the picture. The picture falls into up to four *sectors* by W's longer component and
+its sign, so that in each sector rays pass the columns of cells in one order, away from the epipole (``P_q > 0``) or
+toward it (``P_q < 0``, the antipode of fig. 8); epipoles at infinity (``P_q = 0``) need no case of their own.
+
+In a sector, *along* is the coordinate that grows along its rays, *across* the other one. All lines of a sector cross
+the column ``along = far``; where they do so numbers them (``line``), and a straight step through the picture numbers
+the pixels along a line (``bin``). At another column, rays are ``across = keep * across_far + shift_across`` and
+``d = keep * d_far + shift_d``, so that one pass over a line's columns serves all its pixels.
+
+Symbols: P, Q of :mod:`ibrpipe.core.rays`; sector rows are named by the constants below.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+#: rows of a sector: how lines are numbered, ``line = (LINE . p) / (TURN . p)``, ``bin = BIN . p`` for p = (px, py, 1)
+LINE, TURN, BIN = 0, 3, 6
+#: sizes and places: first entry of the table, steps per line and per bin, numbers of lines and of bins
+FIRST, LINE_STEP, BIN_STEP, LINES, BINS = 9, 10, 11, 12, 13
+#: geometry: axis that is `along` (0 = u), its direction, cells along and across, level of the blocks
+AXIS, SIGN, ALONG, ACROSS, LEVEL = 14, 15, 16, 17, 18
+#: across_far of line 0's lower edge, width of a line there
+EDGE, WIDTH = 19, 20
+#: a point (across, d) of the far column is at bin ``(over . (across, d, 1)) / (under . (across, d, 1))``
+OVER, UNDER = 21, 24
+#: is the sector in use; sign of P_q
+USED, OUTWARD = 27, 28
+SECTOR_SIZE = 29
+#: least share of the way to the far column at which a column is still told from the epipole
+NEAREST = 1e-12
+
+
+def lay_lines(start, turn, pixels, cells, size, spacing, finest, coarseness):
+    """Return (sectors (4, SECTOR_SIZE) f64, edges (4, 4, n) f64, entries) of one field and camera.
+
+    Parameters
+    ----------
+    start, turn : (4,), (4, 3) float64
+        Rays in the field's coordinates.
+    pixels : (3, 4) float64
+        (u, v, d, 1) to homogeneous pixels.
+    cells : (columns, rows)
+    size : (width, height) of the picture
+    spacing : float
+        Greatest width of a line in the picture, pixels.
+    finest : float
+        Least width of a line in the reference, cells.
+    coarseness : float
+        Blocks are at most this many times as wide as lines.
+
+    Returns
+    -------
+    sectors
+        See the constants of this module.
+    edges
+        For every sector ``keep``, ``shift_across``, ``shift_d`` and ``1 / keep`` at the edges of its columns of blocks.
+    entries : int
+        Entries of the table of all sectors; the first is for pixels that have no line.
+    """
+    sectors, edges, entries = np.zeros((4, SECTOR_SIZE)), [], 1
+    for number in range(4):
+        axis, sign = number >> 1, -1.0 if number & 1 else 1.0
+        own = sectors[number]
+        if _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, finest, coarseness):
+            own[FIRST] = entries
+            entries += int(own[LINES] * own[BINS])
+            edges.append(_column_edges(own, _turned(start, axis, sign, cells)))
+        else:
+            edges.append(np.zeros((4, 1)))
+    longest = max(part.shape[1] for part in edges)
+    packed = np.zeros((4, 4, longest))
+    for part, place in zip(edges, packed, strict=True):
+        place[:, : part.shape[1]] = part
+    return sectors, packed, entries
+
+
+def _turned(values, axis, sign, cells):
+    """Return (along, across, d, q) rows of `values` (4,) or (4, 3)."""
+    along = values[axis] if sign > 0 else cells[axis] * values[3] - values[axis]
+    return np.stack([along, values[1 - axis], values[2], values[3]])
+
+
+def _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, finest, coarseness):
+    """Fill one sector; False where no pixel lies in it or no ray of it can meet the field."""
+    P, Q = _turned(start, axis, sign, cells), _turned(turn, axis, sign, cells)
+    length, breadth = float(cells[axis]), float(cells[1 - axis])
+    outward = P[3] >= 0.0
+    far = length if outward else 0.0
+    reach = far * P[3] - P[0]
+    if not reach > NEAREST * (abs(far * P[3]) + abs(P[0])):
+        return False
+    along, across = P[3] * Q[0] - Q[3] * P[0], P[3] * Q[1] - Q[3] * P[1]
+    corners = _clip(_clip([(0.0, 0.0), (size[0], 0.0), size, (0.0, size[1])], along - across), along + across)
+    scale = max(abs(along).max(), abs(across).max()) * max(size) * 1e-9
+    region, corners = corners, [p for p in corners if along[0] * p[0] + along[1] * p[1] + along[2] > scale]
+    if not corners:
+        return False
+    # across_far = line / along, from the line's coefficients P x Q in (along, across, q)
+    line = far * (P[3] * Q[1] - P[1] * Q[3]) + (P[1] * Q[0] - P[0] * Q[1])
+    places, slopes = [], []
+    for x, y in corners:
+        below = along[0] * x + along[1] * y + along[2]
+        place = (line[0] * x + line[1] * y + line[2]) / below
+        places.append(place)
+        slopes.append(((line[0] - place * along[0]) / below, (line[1] - place * along[1]) / below))
+    low, high = max(min(places), -length), min(max(places), breadth + length)
+    steep = min(math.hypot(*slope) for slope in slopes)
+    width = max(spacing * steep, finest, (high - low) / (4.0 * (size[0] + size[1])))
+    if not low <= high or not 0.0 < width < math.inf:
+        return False
+    own[LINES] = math.floor((high - low) / width) + 2
+    own[EDGE], own[WIDTH] = low - 0.5 * width, width
+    own[LINE : LINE + 3] = (line - own[EDGE] * along) / width
+    own[TURN : TURN + 3] = along
+    own[AXIS], own[SIGN], own[ALONG], own[ACROSS], own[OUTWARD] = axis, sign, length, breadth, 1.0 if outward else -1.0
+    own[LEVEL] = max(0, min(math.floor(math.log2(max(coarseness * width, 1.0))), 12))
+    _number_bins(own, region, slopes, pixels, far)
+    own[USED] = 1.0
+    return True
+
+
+def _clip(corners, line):
+    """Return the part of a polygon where ``line . (x, y, 1) >= 0``."""
+    sides = [line[0] * x + line[1] * y + line[2] for x, y in corners]
+    kept = []
+    for n, (x, y) in enumerate(corners):
+        other = n - 1
+        if (sides[n] >= 0.0) != (sides[other] >= 0.0):
+            share = sides[n] / (sides[n] - sides[other])
+            kept.append((x + share * (corners[other][0] - x), y + share * (corners[other][1] - y)))
+        if sides[n] >= 0.0:
+            kept.append((x, y))
+    return kept
+
+
+def _number_bins(own, region, slopes, pixels, far):
+    """Lay bins of one pixel along the mean direction of the sector's lines in the picture."""
+    x = sum(-b / math.hypot(a, b) for a, b in slopes if a or b)
+    y = sum(a / math.hypot(a, b) for a, b in slopes if a or b)
+    length = math.hypot(x, y)
+    x, y = (x / length, y / length) if length > 0.0 else (0.0, 1.0)
+    places = [x * p[0] + y * p[1] for p in region]
+    shift = 1.0 - math.floor(min(places))
+    own[BIN : BIN + 3] = x, y, shift
+    own[BINS] = math.floor(max(places)) + shift + 2.0
+    own[LINE_STEP], own[BIN_STEP] = (1.0, own[LINES]) if abs(y) > abs(x) else (own[BINS], 1.0)
+    over = x * pixels[0] + y * pixels[1] + shift * pixels[2]
+    axis, place = int(own[AXIS]), far if own[SIGN] > 0 else own[ALONG] - far
+    for first, row in ((OVER, over), (UNDER, pixels[2])):
+        own[first : first + 3] = row[1 - axis], row[2], row[axis] * place + row[3]
+
+
+def _column_edges(own, P):
+    """Return keep, shift_across, shift_d, 1 / keep (4, n) at the edges of the columns of blocks, in walking order."""
+    step = 2 ** int(own[LEVEL])
+    blocks = -(-int(own[ALONG]) // step)
+    edges = np.minimum(np.arange(blocks + 1.0) * step, own[ALONG])
+    if own[SIGN] < 0:
+        edges = (own[ALONG] - edges)[::-1]
+    far = own[ALONG] if own[OUTWARD] > 0 else 0.0
+    reach = far * P[3] - P[0]
+    keep = np.maximum((edges * P[3] - P[0]) / reach, NEAREST)
+    if P[3] != 0.0:  # edges beyond the epipole stay at it
+        edges = np.maximum(edges, P[0] / P[3]) if own[OUTWARD] > 0 else np.minimum(edges, P[0] / P[3])
+    return np.stack([keep, (far - edges) / reach * P[1], (far - edges) / reach * P[2], 1.0 / keep])
