@@ -98,8 +98,8 @@ def bound_depths(number, start, count, edges, low, high, grid, work):
 
 
 @fused
-def bound_bins(count, left, right, left_end, right_end, bins, sector, work):
-    # bins that the line has met up to each column
+def bound_bins(count, left, right, left_end, right_end, bins, least_shift, greatest_shift, sector, work):
+    # bins that the line has met up to each column, from floor(least + least_shift) to floor(greatest + greatest_shift)
     over0, over1, over2 = sector[el.OVER], sector[el.OVER + 1], sector[el.OVER + 2]
     under0, under1, under2 = sector[el.UNDER], sector[el.UNDER + 1], sector[el.UNDER + 2]
     over_left, over_right = over0 * left + over2, over0 * right + over2
@@ -117,7 +117,7 @@ def bound_bins(count, left, right, left_end, right_end, bins, sector, work):
         least, greatest = b0 if b0 < b1 else b1, b1 if b0 < b1 else b0
         least, greatest = b2 if b2 < least else least, b2 if b2 > greatest else greatest
         least, greatest = b3 if b3 < least else least, b3 if b3 > greatest else greatest
-        least, greatest = np.floor(least - WIDEN), np.floor(greatest + WIDEN)
+        least, greatest = np.floor(least + least_shift), np.floor(greatest + greatest_shift)
         least = least if least > 0.0 else 0.0
         greatest = greatest if greatest < bins - 1.0 else bins - 1.0
         met = low <= high
@@ -146,7 +146,7 @@ def sweep_line(line, number, sectors, edges, nodes, meta, grid, work, table):
         bound_columns(number, start, count, left, right, 1.0 / size, float(breadth), edges, work)
         gather_bounds(start, count, base, along_step, across_step, nodes, work)
         low, high = bound_depths(number, start, count, edges, low, high, grid, work)
-        bound_bins(count, left, right, left_end, right_end, float(bins), sector, work)
+        bound_bins(count, left, right, left_end, right_end, float(bins), -WIDEN, WIDEN, sector, work)
         for k in range(count):
             begin, end = int(work[BEGIN + k]), int(work[END + k])
             if begin > end or (begin >= first and end <= last):

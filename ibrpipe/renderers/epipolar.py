@@ -7,6 +7,7 @@ hit, the searches and the departures from the paper stand in ``docs/renderers/ep
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from time import perf_counter
 from typing import Any
 
@@ -17,12 +18,13 @@ from ibrpipe.core import epipolar_bounds, epipolar_cast, epipolar_lines, epipola
 from ibrpipe.core.quadtree import STEPS, plan_levels
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers import ldi
+from ibrpipe.renderers.epipolar_samples import Raster, build_raster, cast_raster, shade_raster
 from ibrpipe.renderers.fields import Field, HeightField, PatchField
 from ibrpipe.types import Array, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
 
 Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
 
-SEARCHES = ("exact",)
+SEARCHES = ("exact", "nearest", "linear")
 #: greatest width of a line in the picture (pixels), least in the reference (cells), blocks per width of a line
 SPACING, FINEST, COARSENESS = 2.0, 0.5, 1.0
 
@@ -65,6 +67,15 @@ class Maps:
 
     scene: ldi.Scene
     maps: tuple[Map, ...]
+    textures: tuple[Texture, ...]
+
+    @cached_property
+    def rasters(self) -> tuple[tuple[int, Raster], ...]:
+        """First layers of all textures, for the sampled searches, each with the number of its first sample."""
+        fields: list[tuple[int, Field]] = [*self.scene.patches, *((n, field) for n, field, _ in self.scene.heights)]
+        made = [build_raster(self.textures[n], field, ldi.EYE * field.reach) for n, field in fields]
+        bases = np.cumsum([0] + [raster.depth.size for raster in made])
+        return tuple((int(base), raster) for base, raster in zip(bases, made, strict=False))
 
     @property
     def bytes(self) -> int:
@@ -78,7 +89,7 @@ def prepare(textures: tuple[Texture, ...]) -> Maps:
     scene = ldi.prepare(plain)
     layered = [_patch_map(field, int(n)) for (_, field), n in zip(scene.patches, scene.firsts, strict=False)]
     heights = [_height_map(field, base) for _, field, base in scene.heights]
-    return Maps(scene, tuple(one for one in layered + heights if one is not None))
+    return Maps(scene, tuple(one for one in layered + heights if one is not None), plain)
 
 
 def _height_map(field: HeightField, base: int) -> Map | None:
@@ -124,10 +135,10 @@ def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], search: str = "ex
     began = perf_counter()
     stats: dict[str, Any] = {"rays": camera.width * camera.height}
     with ldi.limited_threads(threads):
-        hits = find_hits(maps, camera, stats)
+        hits = find_hits(maps, camera, search, stats)
         color, known = None, None
         if {"color", "alpha"} & set(outputs):
-            color, known = ldi.shade_hits(maps.scene, hits, camera)
+            color, known = _shade(maps, hits, camera, search)
             stats["hits"] = int(np.count_nonzero(known))
     stats["milliseconds"] = 1e3 * (perf_counter() - began)
     return Frame(
@@ -138,13 +149,27 @@ def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], search: str = "ex
     )
 
 
-def find_hits(maps: Maps, camera: Camera, stats: dict[str, Any] | None = None) -> ldi.Hits:
+def _shade(maps: Maps, hits: ldi.Hits, camera: Camera, search: str) -> tuple[Array, Array]:
+    """Return colour (H, W, 3) of hits and where it is known (H, W), float32."""
+    if search == "exact":
+        return ldi.shade_hits(maps.scene, hits, camera)
+    color, known = np.zeros((*hits.depth.shape, 3), np.float32), np.zeros(hits.depth.shape, np.float32)
+    for base, raster in maps.rasters:
+        shade_raster(raster, camera, search, base, hits, color, known)
+    return color, known
+
+
+def find_hits(maps: Maps, camera: Camera, search: str = "exact", stats: dict[str, Any] | None = None) -> ldi.Hits:
     """Find the nearest hit of every pixel's ray over all maps."""
     depth = np.full((camera.height, camera.width), np.inf, np.float32)
     ids = np.full(depth.shape, 2**32 - 1, np.uint32)
     lines = 0
-    for one in maps.maps:
-        lines += _cast_map(one, camera, depth, ids)
+    if search == "exact":
+        for one in maps.maps:
+            lines += _cast_map(one, camera, depth, ids)
+    else:
+        for base, raster in maps.rasters:
+            lines += cast_raster(raster, camera, search, base, depth, ids)
     if stats is not None:
         stats["lines"] = lines
     return ldi.Hits(depth, ids)

@@ -1,0 +1,106 @@
+"""The sampled searches of the `epipolar` renderer: nearest samples as published, or interpolated ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+
+from ibrpipe.core import epipolar_lines, epipolar_samples, epipolar_sweep
+from ibrpipe.renderers.fields import Field, HeightField, Place
+from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ReliefTexture
+
+#: greatest width of a line in the picture (pixels), least in the reference (texels)
+SPACING, FINEST = {"nearest": 1.0, "linear": 1.0}, {"nearest": 0.5, "linear": 0.5}
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """The first layer of a map: one sample per texel.
+
+    Attributes
+    ----------
+    place : Place
+    depth : (rows, columns) float32
+        Field depths where (u, v) are whole numbers; NaN = background.
+    color : (rows, columns, 3) float32
+    gaps : bool
+        There is background in it.
+    eye : float
+        Camera depth that still belongs to the eye.
+    """
+
+    place: Place
+    depth: Array
+    color: Array
+    gaps: bool
+    eye: float
+
+
+def build_raster(texture: Any, field: Field, eye: float) -> Raster:
+    """Lay out the first layer of a texture in the coordinates of its field."""
+    if isinstance(field, HeightField):
+        return Raster(field.place, field.height, field.color, bool(np.isnan(field.low).any() or _holes(field)), eye)
+    depth, color = _first_layer(texture)
+    if field.place.perspective:
+        depth = (-1.0 / depth.astype(np.float64)).astype(np.float32)
+    return Raster(
+        field.place,
+        np.pad(depth, 1, constant_values=np.nan),
+        np.ascontiguousarray(np.pad(color, ((1, 1), (1, 1), (0, 0))), np.float32),
+        True,
+        eye,
+    )
+
+
+def _holes(field: HeightField) -> bool:
+    return bool(np.isnan(field.height).any())
+
+
+def _first_layer(texture: Any) -> tuple[Array, Array]:
+    """Return depth (H, W) with NaN for background and colour (H, W, 3)."""
+    if isinstance(texture, ReliefTexture):
+        return texture.height, texture.color
+    if isinstance(texture, DepthImage):
+        return texture.depth, texture.color
+    layers: LayeredDepthImage = texture
+    there = np.diff(layers.offsets, axis=1) > 0
+    depth = np.full(there.shape, np.nan, np.float32)
+    color = np.zeros((*there.shape, 3), np.float32)
+    first = layers.offsets[:, :-1][there]
+    depth[there], color[there] = layers.depth[first], layers.color[first]
+    return depth, color
+
+
+def cast_raster(raster: Raster, camera: Camera, search: str, base: int, depth: Array, ids: Array) -> int:
+    """Lower `depth` and `ids` where one raster is nearer; return how many lines were swept."""
+    start, turn = raster.place.rays(camera)
+    pixels = raster.place.pixels(camera)
+    rows, columns = raster.depth.shape
+    sectors, edges, entries = epipolar_lines.lay_lines(
+        start, turn, pixels, (columns - 1, rows - 1), (camera.width, camera.height), SPACING[search], FINEST[search],
+        0.0,
+    )  # fmt: skip
+    groups = np.zeros(5, np.int64)
+    groups[1:] = np.cumsum(-(-sectors[:, epipolar_lines.LINES].astype(np.int64) // epipolar_sweep.GROUP))
+    if not groups[4]:
+        return 0
+    table = np.full(entries, np.inf, np.float32)
+    flat, linear, parts = raster.depth.ravel(), search == "linear", numba.get_num_threads()
+    epipolar_samples.sweep_samples(sectors, edges, flat, columns, linear, raster.gaps, groups, parts, table)
+    epipolar_samples.pick_samples(
+        flat, columns, start, turn, pixels[2], sectors, table, raster.place.perspective, linear, raster.eye, base,
+        parts, depth, ids,
+    )  # fmt: skip
+    return int(sectors[:, epipolar_lines.LINES].sum())
+
+
+def shade_raster(raster: Raster, camera: Camera, search: str, base: int, hits: Any, color: Array, known: Array) -> None:
+    """Fill `color` and `known` where this raster is hit."""
+    start, turn = raster.place.rays(camera)
+    epipolar_samples.shade_samples(
+        hits.depth, hits.ids, base, start, turn, raster.depth.ravel(), raster.depth.shape[1], raster.color,
+        search == "linear", color, known,
+    )  # fmt: skip

@@ -1,0 +1,76 @@
+"""Slow plain twin of the sampled search of the `epipolar` renderer: one pixel, one line, one column at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ibrpipe.core import epipolar_lines as el
+
+
+def place_of_pixel(start, turn, sectors, px, py):
+    """(sector, line, bin) of a pixel, None where it has none; exactly one sector claims a pixel."""
+    p = np.array([px, py, 1.0])
+    Q = turn @ p
+    wx, wy = start[3] * Q[0] - Q[3] * start[0], start[3] * Q[1] - Q[3] * start[1]
+    number = (0 if wx > 0 else 1) if abs(wx) >= abs(wy) else (2 if wy > 0 else 3)
+    own = sectors[number]
+    if not own[el.USED]:
+        return None
+    line, place = (own[0:3] @ p) / (own[3:6] @ p), own[6:9] @ p
+    if not (0 <= line < own[el.LINES] and 0 <= place < own[el.BINS]):
+        return None
+    return number, int(line), int(place)
+
+
+def correspondence(own, edges, samples, line, place):
+    """Column (counted along the sector) at which the ray of a bin's middle first passes a sample, or None."""
+    columns, rows = int(own[el.ALONG]) + 1, int(own[el.ACROSS]) + 1
+    middle = own[el.EDGE] + (line + 0.5) * own[el.WIDTH]
+    over, under, b = own[el.OVER : el.OVER + 3], own[el.UNDER : el.UNDER + 3], place + 0.5
+    d_far = (b * (under[0] * middle + under[2]) - over[0] * middle - over[2]) / (over[1] - b * under[1])
+    before = None
+    for column in range(columns):
+        keep, across, down, inverse = edges[:, column]
+        row, sample = int(np.floor(middle * keep + across + 0.5)), np.nan
+        if keep > el.NEAREST and 0 <= row < rows:
+            sample = sample_at(own, samples, column, row)
+        here = (sample - down) * inverse
+        if before is not None and min(before, here) <= d_far <= max(before, here):
+            return column
+        before = None if np.isnan(here) else here
+    return None
+
+
+def sample_at(own, samples, column, row):
+    """Sample in column `column` along the sector."""
+    column = int(own[el.ALONG]) - column if own[el.SIGN] < 0 else column
+    return samples[column, row] if own[el.AXIS] else samples[row, column]
+
+
+def nearest(start, turn, weight, perspective, sectors, edges, samples, size):
+    """(h, w) depth of the nearest reference sample of every pixel, inf for background."""
+    depth = np.full((size[1], size[0]), np.inf)
+    for y in range(size[1]):
+        for x in range(size[0]):
+            found = place_of_pixel(start, turn, sectors, x + 0.5, y + 0.5)
+            if found is None:
+                continue
+            number, line, place = found
+            own = sectors[number]
+            column = correspondence(own, edges[number], samples, line, place)
+            if column is None:
+                continue
+            axis = int(own[el.AXIS])
+            edge = own[el.ALONG] - column if own[el.SIGN] < 0 else column
+            Q = turn @ (x + 0.5, y + 0.5, 1.0)
+            t = (edge * start[3] - start[axis]) / (Q[axis] - edge * Q[3])
+            row = int(np.floor((start[1 - axis] + t * Q[1 - axis]) / (start[3] + t * Q[3]) + 0.5))
+            if not (0 <= row <= own[el.ACROSS] and t > 0):
+                continue
+            d = sample_at(own, samples, column, row)
+            place_uv = (row, edge) if axis else (edge, row)
+            w = weight @ (*place_uv, d, 1.0)
+            w = -w / d if perspective else w
+            if w > 0:
+                depth[y, x] = w
+    return depth

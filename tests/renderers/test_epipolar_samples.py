@@ -1,0 +1,132 @@
+"""The sampled searches of `epipolar` against a plain twin, and how far they are from the exact one."""
+
+from __future__ import annotations
+
+import epipolar_twin
+import numpy as np
+import pytest
+from kernel_runs import on_all_thread_counts
+
+import ibrpipe
+from ibrpipe.core import epipolar_lines as el
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers import epipolar_samples
+from ibrpipe.types import Camera, DepthImage, ParallelFrame, ReliefTexture
+
+EYES = [(9, 7, 30), (-20, 8.3, 9.1), (8.2, -13, 5), (30, 24, 12), (8.6, 7.7, -20)]
+
+
+def smooth(n=16, holes=False):
+    y, x = np.mgrid[:n, : n + 3]
+    height = 1.5 + np.sin(0.5 * x) * np.cos(0.4 * y)
+    if holes:
+        height[5:8, 4:9] = np.nan
+    color = np.stack([x / (n + 3), y / n, np.full(x.shape, 0.5)], 2)
+    return ReliefTexture(ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)), color, height)
+
+
+def ball(camera):
+    """A ball before nothing, as a depth image."""
+    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
+    ways = np.stack([x, y, np.ones_like(x)], -1) @ camera.world_from_pixel.T
+    a, b, c = (ways**2).sum(-1), ways @ camera.center, camera.center @ camera.center - 1.0
+    square = b * b - a * c
+    depth = np.where(square > 0, (-b - np.sqrt(np.maximum(square, 0))) / a, np.inf)
+    return DepthImage(camera, np.full((*depth.shape, 3), 0.5), depth.astype(np.float32))
+
+
+def laid(source, camera):
+    raster = ibrpipe.prepare(source, "epipolar").data.rasters[0][1]
+    start, turn = raster.place.rays(camera)
+    rows, columns = raster.depth.shape
+    sectors, edges, _ = el.lay_lines(
+        start, turn, raster.place.pixels(camera), (columns - 1, rows - 1), (camera.width, camera.height),
+        epipolar_samples.SPACING["nearest"], epipolar_samples.FINEST["nearest"], 0.0,
+    )  # fmt: skip
+    return raster, start, turn, sectors, edges
+
+
+@pytest.mark.parametrize("eye", EYES)
+@pytest.mark.parametrize("holes", [False, True])
+def test_nearest_equals_the_twin(eye, holes):
+    source, camera = smooth(holes=holes), Camera.look_at(eye, (9, 8, 1), fov_y_deg=50, width=37, height=29)
+    raster, start, turn, sectors, edges = laid(source, camera)
+    weight = raster.place.pixels(camera)[2]
+    want = epipolar_twin.nearest(start, turn, weight, False, sectors, edges, raster.depth, (37, 29))
+    got = ibrpipe.render(source, camera, "epipolar", search="nearest").depth
+    same = np.isclose(got, want, rtol=1e-5) | (np.isinf(got) & np.isinf(want))
+    assert np.isfinite(want).sum() > 50
+    assert np.mean(~same) <= 0.002  # ties of rounding
+
+
+def test_nearest_equals_the_twin_on_depth_images():
+    camera = Camera.look_at((0, -3, 1), (0, 0, 0), width=24, height=20)
+    source = ball(camera)
+    for eye in ((0.6, -3, 0.8), (0, -2.5, 1), (0, -4, 1.4), (1, -2.5, 1.6)):
+        view = Camera.look_at(eye, (0, 0, 0), width=33, height=27)
+        raster, start, turn, sectors, edges = laid(source, view)
+        weight = raster.place.pixels(view)[2]
+        want = epipolar_twin.nearest(start, turn, weight, True, sectors, edges, raster.depth, (33, 27))
+        got = ibrpipe.render(source, view, "epipolar", search="nearest").depth
+        same = np.isclose(got, want, rtol=1e-5) | (np.isinf(got) & np.isinf(want))
+        assert np.isfinite(want).sum() > 50
+        assert np.mean(~same) <= 0.004
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_every_pixel_that_meets_the_map_lies_once_in_the_table_of_lines(eye):
+    camera = Camera.look_at(eye, (9, 8, 1), fov_y_deg=50, width=37, height=29)
+    source = smooth()
+    _, start, turn, sectors, _ = laid(source, camera)
+    y, x = np.mgrid[:29, :37] + 0.5
+    p = np.stack([x, y, np.ones_like(x)])
+    w = np.einsum("ij,jyx->iyx", start[3] * turn[:2] - np.outer(start[:2], turn[3]), p)
+    claims = np.zeros(x.shape, int)
+    for number, own in enumerate(sectors):
+        along, across = (w[0], w[1]) if number < 2 else (w[1], w[0])
+        inside = (np.abs(along) >= np.abs(across)) if number < 2 else (np.abs(along) > np.abs(across))
+        inside &= (along < 0) if number & 1 else (along > 0)
+        if own[el.USED]:
+            with np.errstate(divide="ignore"):  # at the epipole
+                line = np.tensordot(own[0:3], p, 1) / np.tensordot(own[3:6], p, 1)
+            place = np.tensordot(own[6:9], p, 1)
+            claims += inside & (line >= 0) & (line < own[el.LINES]) & (place >= 0) & (place < own[el.BINS])
+    hit = np.isfinite(ibrpipe.render(source, camera).depth)
+    assert hit.sum() > 50
+    assert (claims[hit] == 1).all()
+    assert claims.max() == 1
+
+
+@pytest.mark.parametrize("search", ["nearest", "linear"])
+@pytest.mark.parametrize("eye", EYES)
+def test_sampled_searches_are_near_the_exact_one(search, eye):
+    source, camera = smooth(64), Camera.look_at(np.array(eye) * 4, (36, 32, 1), fov_y_deg=30, width=120, height=90)
+    exact = ibrpipe.render(source, camera, "epipolar")
+    got = ibrpipe.render(source, camera, "epipolar", search=search)
+    both = np.isfinite(exact.depth) & np.isfinite(got.depth)
+    assert np.mean(np.isfinite(exact.depth) != np.isfinite(got.depth)) < 0.03
+    error = np.abs(got.depth[both] - exact.depth[both])
+    assert np.median(error) < (
+        0.02 if search == "linear" else 1.0
+    )  # texels; half a texel in plan is more along the ray
+    assert np.median(error) > 0  # they do sample
+    assert np.median(np.abs(got.color[both] - exact.color[both])) < 0.02
+
+
+def test_thread_count_changes_no_byte():
+    source = ibrpipe.prepare(
+        [smooth(holes=True), ball(Camera.look_at((0, -3, 1), (0, 0, 0), width=24, height=20))], "epipolar"
+    )
+    camera = Camera.look_at((9, -12, 14), (6, 6, 1), width=61, height=47)
+    for search in ("nearest", "linear"):
+
+        def compute(search=search):
+            frame = ibrpipe.render(source, camera, "epipolar", search=search)
+            return frame.depth, frame.color
+
+        on_all_thread_counts(compute)
+
+
+def test_unknown_search():
+    with pytest.raises(RendererError, match="choose among: exact, nearest, linear"):
+        ibrpipe.render(smooth(), Camera.look_at((9, 7, 30), (9, 8, 1)), "epipolar", search="fast")
