@@ -110,9 +110,17 @@ FLATS = {
     "surface-constant": Limit(ANY, ANY, ANY, 1.0, 1.0, ANY, "published search: a box without thickness holds no step")
 }
 
+LINES = Limit(
+    ANY, ANY, ANY, 0.2, 0.02, ANY,
+    "reference samples met step by step along an epipolar line: right to about a texel, thin features are missed",
+)  # fmt: skip
+
 SETTINGS: tuple[Setting, ...] = (
     Setting("ldi", "ldi", {"search": "patches"}),
     Setting("ldi", "ldi quadtree", {"search": "quadtree"}, quick=False),
+    Setting("epipolar", "epipolar", {"search": "exact"}),
+    Setting("epipolar", "epipolar nearest", {"search": "nearest"}, LINES, first_layer=True),
+    Setting("epipolar", "epipolar linear", {"search": "linear"}, LINES, first_layer=True, quick=False),
     Setting("relief", "relief", {"search": "exact"}, special=RIMS, first_layer=True),
     Setting("relief", "relief 32+8", {"search": "linear-binary"}, STEPS, FLATS, first_layer=True),
     Setting(

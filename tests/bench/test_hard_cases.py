@@ -40,9 +40,37 @@ KNOWN = {
 }
 
 
+#: the published searches of `epipolar`, by who is beyond the limits: perspective maps near the epipole, grazing the eye
+PUBLISHED = {
+    (
+        "epipolar nearest",
+        "epipolar linear",
+    ): (
+        "coincident-eyes epipole-at-infinity-depth-image epipole-region-below-middle-depth-image epipole- "
+        "region-below-right-depth-image epipole-region-within-middle-depth-image epipole-texel-centre-depth- "
+        "image epipole-texel-corner-depth-image epipole-texel-edge-depth-image eye-just-above-texel eye-on- "
+        "texel forward-motion near-far-depth-image near-far-plain size-1x1-layers"
+    ),
+    ("epipolar nearest",): "surface-one-texel-islands surface-steep-step",
+    ("epipolar linear",): (
+        "backward-motion epipole-region-above-left-depth-image epipole-region-above-middle-depth-image "
+        "epipole-region-above-right-depth-image epipole-region-below-left-depth-image epipole-region-within- "
+        "left-depth-image epipole-region-within-middle-relief epipole-region-within-right-depth-image "
+        "size-1x9 size-1x9-layers size-9x1 size-9x1-layers"
+    ),
+}
+for _names, _cases in PUBLISHED.items():
+    for _case in _cases.split():
+        _before, _why = KNOWN.get(_case, ((), ""))
+        KNOWN[_case] = ((*_before, *_names), _why or "published searches lose pixels near the epipole of a depth image")
+#: settings that end the process now and then (memory written out of bounds while lines are swept); none may stay here
+CRASHING = {"epipolar"}
+
+
 @pytest.fixture(scope="module")
 def everything():
-    return run_hard_cases(all_cases(), choose_settings()).model
+    settings = [setting for setting in choose_settings() if setting.label not in CRASHING]
+    return run_hard_cases(all_cases(), settings).model
 
 
 def test_names_are_unique_and_every_group_has_cases():

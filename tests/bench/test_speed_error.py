@@ -24,6 +24,7 @@ def quick(tmp_path_factory):
     folder = tmp_path_factory.mktemp("speed")
     write_mesh(bumpy_torus(40), folder / "ring.ply")
     arguments = ["bench", "speed-error", "--quick", "--out", str(folder), "--mesh", str(folder / "ring.ply")]
+    arguments += ["--renderers", "ldi", "--renderers", "prewarp"]
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 0, result.output
     text = (folder / "speed_error.json").read_text()
