@@ -25,6 +25,10 @@ COMMANDS: dict[str, dict[str, tuple[str, str]]] = {
             "ibrpipe.cli.bench:command",
             "Hold all renderers against the exact answer.",
         ),
+        "depth-images": (
+            "ibrpipe.cli.depth_images:command",
+            "Cover a mesh with few perspective depth images, as an asset.",
+        ),
         "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run or an asset holds."),
         "relief": ("ibrpipe.cli.relief:command", "Make relief textures from images, meshes, assets or range data."),
         "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of all files on disk."),

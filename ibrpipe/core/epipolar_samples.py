@@ -14,7 +14,20 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core import epipolar_lines as el
-from ibrpipe.core.epipolar_sweep import BEGIN, CHUNK, END, GROUP, HIGH, LOW, NEAR, ROW0, ROW1, bound_bins, end_of_bins
+from ibrpipe.core.epipolar_sweep import (
+    BEGIN,
+    CHUNK,
+    END,
+    FAR,
+    GROUP,
+    HIGH,
+    LOW,
+    NEAR,
+    ROW0,
+    ROW1,
+    bound_bins,
+    end_of_bins,
+)
 from ibrpipe.core.jit import fused, kernel
 
 #: pixels that are looked up together
@@ -46,12 +59,13 @@ def sample_columns(number, start, count, middle, breadth, first, along_step, acr
         share = work[ROW1 + k]
         value = work[LOW + k] + share * (work[HIGH + k] - work[LOW + k]) if linear else work[LOW + k] + 0.0 * share
         inside = edges[number, 0, start + k] > el.NEAREST
+        work[FAR + k] = value
         value = (value - edges[number, 2, start + k]) * edges[number, 3, start + k]
         work[NEAR + k] = value if inside else np.nan
 
 
 @fused
-def sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, gaps, work, table):
+def sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, gaps, steps, work, table):
     sector = sectors[number]
     swapped, backward = sector[el.AXIS] > 0.5, sector[el.SIGN] < 0.0
     columns, breadth = int(sector[el.ALONG]) + 1, sector[el.ACROSS]
@@ -60,7 +74,7 @@ def sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, ga
     end, base = end_of_bins(middle, sector), 0
     bins, step = int(sector[el.BINS]), int(sector[el.BIN_STEP])
     entry = int(sector[el.FIRST]) + line * int(sector[el.LINE_STEP])
-    low, high, first, last, before = np.inf, -np.inf, bins, -1, np.nan
+    low, high, first, last, before, there = np.inf, -np.inf, bins, -1, np.nan, np.nan
     if backward:
         base, along_step = (columns - 1) * along_step, -along_step
     for start in range(0, columns, CHUNK):
@@ -70,7 +84,11 @@ def sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, ga
         )  # fmt: skip
         for k in range(count):
             value = work[NEAR + k]
-            if gaps:  # what lies between this sample and the one before it
+            if gaps:  # what lies between this sample and the one before it, if they are one surface
+                here = work[FAR + k]
+                jump, size = abs(here - there), abs(here) if abs(here) > abs(there) else abs(there)
+                before = before if jump <= steps[0] + steps[1] * size else np.nan
+                there = here
                 low, high = value if value < before else before, value if value > before else before
                 before = value
             else:
@@ -98,8 +116,9 @@ def sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, ga
 
 
 @kernel
-def sweep_samples(sectors, edges, flat, stride, linear, gaps, groups, parts, table):
-    # flat (rows * stride,) f32 depths of samples, NaN = background; gaps: is there any; table (entries,) f32: column
+def sweep_samples(sectors, edges, flat, stride, linear, gaps, steps, groups, parts, table):
+    # flat (rows * stride,) f32 depths of samples, NaN = background; gaps: is there any, or a step that is no surface;
+    # steps (2,): greatest step within a surface, a constant and a share of the depth; table (entries,) f32: column
     # at which a pixel's correspondence lies, counted along its sector, inf throughout; other arguments as of
     # epipolar_sweep.sweep_lines
     for part in prange(parts):
@@ -110,7 +129,7 @@ def sweep_samples(sectors, edges, flat, stride, linear, gaps, groups, parts, tab
                 number += 1
             first = (group - groups[number]) * GROUP
             for line in range(first, min(first + GROUP, int(sectors[number, el.LINES]))):
-                sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, gaps, work, table)
+                sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, gaps, steps, work, table)
 
 
 @fused

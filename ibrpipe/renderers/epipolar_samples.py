@@ -9,7 +9,7 @@ import numba
 import numpy as np
 
 from ibrpipe.core import epipolar_lines, epipolar_samples, epipolar_sweep
-from ibrpipe.renderers.fields import Field, HeightField, Place
+from ibrpipe.renderers.fields import UNKNOWN_GAP, Field, HeightField, Place
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ReliefTexture
 
 #: greatest width of a line in the picture (pixels), least in the reference (texels)
@@ -27,7 +27,9 @@ class Raster:
         Field depths where (u, v) are whole numbers; NaN = background.
     color : (rows, columns, 3) float32
     gaps : bool
-        There is background in it.
+        There is background in it, or there are steps that are no surface.
+    steps : (2,) float64
+        Greatest step between neighbours of one surface: a constant and a share of the field depth.
     eye : float
         Camera depth that still belongs to the eye.
     """
@@ -36,14 +38,16 @@ class Raster:
     depth: Array
     color: Array
     gaps: bool
+    steps: Array
     eye: float
 
 
 def build_raster(texture: Any, field: Field, eye: float) -> Raster:
     """Lay out the first layer of a texture in the coordinates of its field."""
     if isinstance(field, HeightField):
-        return Raster(field.place, field.height, field.color, bool(np.isnan(field.low).any() or _holes(field)), eye)
+        return Raster(field.place, field.height, field.color, _holes(field), np.array([np.inf, 0.0]), eye)
     depth, color = _first_layer(texture)
+    steps = _steps(field.place)
     if field.place.perspective:
         depth = (-1.0 / depth.astype(np.float64)).astype(np.float32)
     return Raster(
@@ -51,12 +55,23 @@ def build_raster(texture: Any, field: Field, eye: float) -> Raster:
         np.pad(depth, 1, constant_values=np.nan),
         np.ascontiguousarray(np.pad(color, ((1, 1), (1, 1), (0, 0))), np.float32),
         True,
+        steps,
         eye,
     )
 
 
 def _holes(field: HeightField) -> bool:
     return bool(np.isnan(field.height).any())
+
+
+def _steps(place: Place) -> Array:
+    """Return the greatest step within a surface: as many texels as renderer `ldi` links without normals."""
+    if place.perspective:  # a texel at depth z is z / focal wide, so -1/z changes by its share 1 / focal
+        turned = place.linear[[0, 1, 3]]
+        focal = min(float(np.linalg.norm(np.cross(turned[2], row))) for row in turned[:2])
+        return np.array([0.0, UNKNOWN_GAP / focal])
+    texels = np.linalg.norm(np.linalg.inv(place.linear[:3])[:, :2], axis=0)
+    return np.array([UNKNOWN_GAP * float(texels.max()), 0.0])
 
 
 def _first_layer(texture: Any) -> tuple[Array, Array]:
@@ -89,7 +104,9 @@ def cast_raster(raster: Raster, camera: Camera, search: str, base: int, depth: A
         return 0
     table = np.full(entries, np.inf, np.float32)
     flat, linear, parts = raster.depth.ravel(), search == "linear", numba.get_num_threads()
-    epipolar_samples.sweep_samples(sectors, edges, flat, columns, linear, raster.gaps, groups, parts, table)
+    epipolar_samples.sweep_samples(
+        sectors, edges, flat, columns, linear, raster.gaps, raster.steps, groups, parts, table
+    )
     epipolar_samples.pick_samples(
         flat, columns, start, turn, pixels[2], sectors, table, raster.place.perspective, linear, raster.eye, base,
         parts, depth, ids,

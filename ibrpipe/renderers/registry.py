@@ -80,6 +80,18 @@ _RENDERERS = (
             "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
         },
     ),
+    Renderer(
+        name="splat",
+        module="ibrpipe.renderers.splat",
+        summary="Forward warp of reference samples with footprints: the baseline beside the inverse warp.",
+        paper="schaufler1999, sec. 3",
+        limits="First layer; holes where a surface is turned away from the reference; depth constant over a footprint.",
+        accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Asset"),
+        options={
+            "footprint": "size of a sample in texels (default 1)",
+            "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
+        },
+    ),
 )
 
 

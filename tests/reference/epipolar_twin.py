@@ -22,20 +22,22 @@ def place_of_pixel(start, turn, sectors, px, py):
     return number, int(line), int(place)
 
 
-def correspondence(own, edges, samples, line, place):
+def correspondence(own, edges, samples, steps, line, place):
     """Column (counted along the sector) at which the ray of a bin's middle first passes a sample, or None."""
     columns, rows = int(own[el.ALONG]) + 1, int(own[el.ACROSS]) + 1
     middle = own[el.EDGE] + (line + 0.5) * own[el.WIDTH]
     over, under, b = own[el.OVER : el.OVER + 3], own[el.UNDER : el.UNDER + 3], place + 0.5
     d_far = (b * (under[0] * middle + under[2]) - over[0] * middle - over[2]) / (over[1] - b * under[1])
-    before = None
+    before, there = None, np.nan
     for column in range(columns):
         keep, across, down, inverse = edges[:, column]
         row, sample = int(np.floor(middle * keep + across + 0.5)), np.nan
         if keep > el.NEAREST and 0 <= row < rows:
             sample = sample_at(own, samples, column, row)
         here = (sample - down) * inverse
-        if before is not None and min(before, here) <= d_far <= max(before, here):
+        one = abs(sample - there) <= steps[0] + steps[1] * max(abs(sample), abs(there))
+        there = sample
+        if one and before is not None and min(before, here) <= d_far <= max(before, here):
             return column
         before = None if np.isnan(here) else here
     return None
@@ -47,7 +49,7 @@ def sample_at(own, samples, column, row):
     return samples[column, row] if own[el.AXIS] else samples[row, column]
 
 
-def nearest(start, turn, weight, perspective, sectors, edges, samples, size):
+def nearest(start, turn, weight, perspective, sectors, edges, samples, steps, size):
     """(h, w) depth of the nearest reference sample of every pixel, inf for background."""
     depth = np.full((size[1], size[0]), np.inf)
     for y in range(size[1]):
@@ -57,7 +59,7 @@ def nearest(start, turn, weight, perspective, sectors, edges, samples, size):
                 continue
             number, line, place = found
             own = sectors[number]
-            column = correspondence(own, edges[number], samples, line, place)
+            column = correspondence(own, edges[number], samples, steps, line, place)
             if column is None:
                 continue
             axis = int(own[el.AXIS])

@@ -52,7 +52,7 @@ def test_nearest_equals_the_twin(eye, holes):
     source, camera = smooth(holes=holes), Camera.look_at(eye, (9, 8, 1), fov_y_deg=50, width=37, height=29)
     raster, start, turn, sectors, edges = laid(source, camera)
     weight = raster.place.pixels(camera)[2]
-    want = epipolar_twin.nearest(start, turn, weight, False, sectors, edges, raster.depth, (37, 29))
+    want = epipolar_twin.nearest(start, turn, weight, False, sectors, edges, raster.depth, raster.steps, (37, 29))
     got = ibrpipe.render(source, camera, "epipolar", search="nearest").depth
     same = np.isclose(got, want, rtol=1e-5) | (np.isinf(got) & np.isinf(want))
     assert np.isfinite(want).sum() > 50
@@ -66,7 +66,7 @@ def test_nearest_equals_the_twin_on_depth_images():
         view = Camera.look_at(eye, (0, 0, 0), width=33, height=27)
         raster, start, turn, sectors, edges = laid(source, view)
         weight = raster.place.pixels(view)[2]
-        want = epipolar_twin.nearest(start, turn, weight, True, sectors, edges, raster.depth, (33, 27))
+        want = epipolar_twin.nearest(start, turn, weight, True, sectors, edges, raster.depth, raster.steps, (33, 27))
         got = ibrpipe.render(source, view, "epipolar", search="nearest").depth
         same = np.isclose(got, want, rtol=1e-5) | (np.isinf(got) & np.isinf(want))
         assert np.isfinite(want).sum() > 50
@@ -130,3 +130,16 @@ def test_thread_count_changes_no_byte():
 def test_unknown_search():
     with pytest.raises(RendererError, match="choose among: exact, nearest, linear"):
         ibrpipe.render(smooth(), Camera.look_at((9, 7, 30), (9, 8, 1)), "epipolar", search="fast")
+
+
+def test_steps_of_a_depth_image_are_not_bridged():
+    camera = Camera.look_at((0, -3, 0), (0, 0, 0), width=40, height=40)
+    depth = np.full((40, 40), 5.0, np.float32)
+    depth[10:30, 10:30] = 2.0
+    source = DepthImage(camera, np.full((40, 40, 3), 0.5), depth)
+    view = Camera.look_at((0.8, -3, 0), (0.8, 0, 0), width=40, height=40)
+    for search in ("nearest", "linear"):
+        seen = ibrpipe.render(source, view, "epipolar", search=search).depth
+        there = np.isfinite(seen)
+        assert np.isclose(seen[there], 2.0, atol=0.1).sum() > 100
+        assert np.mean(np.isclose(seen[there], 2.0, atol=0.1) | np.isclose(seen[there], 5.0, atol=0.1)) > 0.98

@@ -1,0 +1,58 @@
+"""The `splat` renderer: forward warp of reference samples, the baseline of schaufler1999, sec. 3.
+
+Every sample of the first layer is projected and covers the pixels of its footprint, nearest first. Where the reference
+is sampled too sparsely, on surfaces turned away from it, holes and steps remain: what inverse warping avoids.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numba
+import numpy as np
+
+from ibrpipe.core import splat
+from ibrpipe.core.patch_search import merge
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers import epipolar, ldi
+from ibrpipe.renderers.epipolar_samples import shade_raster
+from ibrpipe.types import Camera, Frame
+
+prepare = epipolar.prepare
+
+
+def draw(
+    maps: epipolar.Maps, camera: Camera, outputs: tuple[str, ...], footprint: float = 1.0, threads: int = 0
+) -> Frame:
+    """Render one frame; see `ibrpipe.render`."""
+    if not 0.0 <= footprint <= 16.0:
+        raise RendererError(f"footprint is {footprint}; give 0 to 16 texels")
+    began = perf_counter()
+    with ldi.limited_threads(threads):
+        hits = _splat(maps, camera, float(footprint))
+        color, known = None, None
+        if {"color", "alpha"} & set(outputs):
+            color, known = np.zeros((*hits.depth.shape, 3), np.float32), np.zeros(hits.depth.shape, np.float32)
+            for base, raster in maps.rasters:
+                shade_raster(raster, camera, "nearest", base, hits, color, known)
+    stats = {"milliseconds": 1e3 * (perf_counter() - began), "hits": int(np.isfinite(hits.depth).sum())}
+    return Frame(
+        color if "color" in outputs else None,
+        hits.depth if "depth" in outputs else None,
+        known if "alpha" in outputs else None,
+        stats,
+    )
+
+
+def _splat(maps: epipolar.Maps, camera: Camera, footprint: float) -> ldi.Hits:
+    chunks = numba.get_num_threads()
+    depth = np.full((chunks, camera.height, camera.width), np.inf, np.float32)
+    ids = np.full(depth.shape, 2**32 - 1, np.uint32)
+    for base, raster in maps.rasters:
+        splat.splat_samples(
+            raster.depth.ravel(), raster.depth.shape[1], raster.place.pixels(camera), raster.place.perspective,
+            raster.eye, base, footprint, depth, ids,
+        )  # fmt: skip
+    if chunks > 1:
+        merge(depth, ids)
+    return ldi.Hits(depth[0], ids[0])

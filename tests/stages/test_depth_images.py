@@ -1,0 +1,99 @@
+"""Placing depth images over a mesh, their file, their asset, and table 2 of the paper at small sizes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+import ibrpipe
+from ibrpipe.bench.table2 import globe, run_table, torus
+from ibrpipe.cli.main import cli
+from ibrpipe.embree import MeshCaster
+from ibrpipe.errors import ConfigError
+from ibrpipe.io.meshes import write_mesh
+from ibrpipe.stages.depth_images import (
+    cube_frusta,
+    depth_images_asset,
+    entries_from_frusta,
+    frusta_from_entries,
+    greedy_frusta,
+)
+from ibrpipe.types import Camera
+
+
+def test_six_depth_images_cover_a_globe():
+    mesh = globe(24)
+    asset = depth_images_asset(mesh, cube_frusta(mesh), 96, "globe")
+    for eye in ((3, 2, 1), (-2, 1, -3)):
+        camera = Camera.look_at(eye, (0, 0, 0), width=80, height=60)
+        truth = MeshCaster(mesh).cast_camera(camera).t
+        for renderer, options in (("epipolar", {}), ("ldi", {}), ("epipolar", {"search": "linear"})):
+            seen = ibrpipe.render(asset, camera, renderer, **options).depth
+            hit, got = np.isfinite(truth), np.isfinite(seen)
+            assert (got & hit).sum() > 0.97 * hit.sum()
+            assert np.median(np.abs(seen[got & hit] - truth[got & hit])) < 0.01
+
+
+def test_epipolar_and_ldi_see_the_same_asset():
+    mesh = torus(24)
+    asset = depth_images_asset(mesh, cube_frusta(mesh), 64, "torus")
+    camera = Camera.look_at((2.5, -2, 1.6), (0, 0, 0), width=90, height=70)
+    one, other = (ibrpipe.render(asset, camera, name) for name in ("epipolar", "ldi"))
+    same = np.isclose(one.depth, other.depth, rtol=1e-5) | (np.isinf(one.depth) & np.isinf(other.depth))
+    assert one.stats["hits"] > 500
+    assert np.mean(~same) < 0.001
+
+
+def test_greedy_cover_grows_with_the_number_of_images():
+    mesh = torus(24)
+    two, share_two = greedy_frusta(mesh, 2)
+    six, share_six = greedy_frusta(mesh, 6)
+    assert (len(two), len(six)) == (2, 6)
+    assert six[:2] == two
+    assert 0.4 < share_two < share_six
+    assert 0.9 < share_six <= 1.0
+    assert greedy_frusta(mesh, 6)[0] == six
+
+
+def test_the_command_writes_an_asset_and_frusta_that_can_be_edited(tmp_path):
+    write_mesh(torus(12), tmp_path / "torus.ply")
+    words = ["depth-images", str(tmp_path / "torus.ply"), "--size", "24", "--maps", "3", "--out", str(tmp_path / "a")]
+    done = CliRunner().invoke(cli, words, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "3 depth images of 24 x 24" in done.output
+    entries = yaml.safe_load((tmp_path / "a/frusta.yaml").read_text())
+    assert len(ibrpipe.read_asset(tmp_path / "a").textures) == len(entries) == 3
+    edited = tmp_path / "edited.yaml"
+    edited.write_text(yaml.safe_dump([{**entries[0], "fov": 30.0}]))
+    words = ["depth-images", words[1], "--size", "24", "--frusta", str(edited), "--out", str(tmp_path / "b")]
+    assert CliRunner().invoke(cli, words, catch_exceptions=False).exit_code == 0
+    frame = ibrpipe.read_asset(tmp_path / "b").textures[0].layers.frame
+    np.testing.assert_allclose(2 * np.degrees(np.arctan(12 / frame.K[0, 0])), 30.0)
+    missing = CliRunner().invoke(cli, [*words[:-3], str(tmp_path / "none.yaml"), "--out", str(tmp_path / "c")])
+    assert missing.exit_code == 1
+
+
+@pytest.mark.parametrize("entries", [None, 3, [], [{"eye": [0, 0, 1]}], ["x"], [{"eye": 1, "target": 2}]])
+def test_broken_files_of_frusta(entries):
+    with pytest.raises(ConfigError, match="frusta"):
+        frusta_from_entries(entries)
+
+
+def test_frusta_survive_their_file():
+    frusta = cube_frusta(torus(8))
+    assert frusta_from_entries(yaml.safe_load(yaml.safe_dump(entries_from_frusta(frusta)))) == frusta
+    with pytest.raises(ConfigError, match="zoom"):
+        frusta_from_entries([{**entries_from_frusta(frusta)[0], "zoom": 2}])
+
+
+def test_table_two_has_a_row_per_model_size_and_search():
+    rows = run_table(sizes=(16, 32), searches=("nearest", "exact"), repeats=1)
+    assert [(r["model"], r["search"], r["size"]) for r in rows[:4]] == [
+        ("torus", "nearest", 16), ("torus", "nearest", 32), ("torus", "exact", 16), ("torus", "exact", 32),
+    ]  # fmt: skip
+    assert len(rows) == 8
+    assert all(row["maps"] == 6 and row["covered"] > 0.2 and row["seconds"] > 0 for row in rows)
+    assert rows[0]["growth"] is None
+    assert rows[1]["growth"] > 0
