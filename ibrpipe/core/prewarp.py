@@ -101,10 +101,11 @@ def warp_rows(height, codes, table, breaks, eye, shifts, window, out):
     # height (H, W) f32, NaN = hole, or codes (H, W) u8 with table (256,) f32 of shifts (wall: depths); breaks (H, W)
     # u8, empty = all texels are joined; eye f64: e_u, h from the plane, depth of the plane; shifts (H,) f32: shifts of
     # the rows (wall), empty for the plane itself
-    # window i64: first row, last row + 1, first texel, last texel, left border of out's first pixel, count
+    # window i64: first row, last row + 1, first texel, last texel, left border of out's first pixel, count, and whether
+    # texels may reach the eye's plane
     # out (H, >= count) f32: shift (wall: depth) at pixel centres, NaN = nothing, 0 from `count` on; only the window's
-    # rows
-    first, last, left, count = window[2], window[3], window[4], window[5]
+    # rows are written
+    first, last, left, count, careful = window[2], window[3], window[4], window[5], window[6] != 0
     wall, coded, broken = shifts.shape[0] > 0, table.shape[0] > 0, breaks.shape[0] > 0
     e, h, ground = np.float32(eye[0]), np.float32(eye[1]), np.float32(eye[2])
     top, origin, tiny = np.float32(count), np.float32(left + 0.5), np.float32(1e-6) * abs(np.float32(eye[1]))
@@ -162,8 +163,8 @@ def warp_rows(height, codes, table, breaks, eye, shifts, window, out):
                 ga, gb = (shift, shift) if wall else (va, vb)
                 u = i + HALF
                 pa, pb = u + (u - e) * ga, u + ONE + (u + ONE - e) * gb
-                swap = abs(gb) < abs(ga)
-                t = (np.float32(x) + origin - (pb if swap else pa)) / (pb - pa)
+                swap = careful and abs(gb) < abs(ga)  # from the end that is farther from the eye's plane
+                t = (np.float32(np.int32(x)) + origin - (pb if swap else pa)) / (pb - pa)
                 value = (vb if swap else va) + t * (vb - va)
                 out[k, x] = value if o >= ZERO else HOLE
 
@@ -264,7 +265,7 @@ def warp_columns(values, flat, lines, wall, eye, gap, window, out):
                 scan_column(values, lines, begin, start, window[4 + side], step, origin, yb, count, buf)
             lowest, sign = np.float32(start if side == 0 else start - 1), np.float32(step)
             for y in range(ya, yb):
-                place = np.float32(y) + origin
+                place = np.float32(np.int32(y)) + origin
                 for lane in range(LANES):
                     o = buf[y * LANES + lane]
                     k = np.uint32(lowest + sign * max(o, ZERO))

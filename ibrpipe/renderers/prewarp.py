@@ -13,6 +13,7 @@ import numpy as np
 
 from ibrpipe.core import prewarp_view
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers import ldi
 from ibrpipe.renderers.ldi import limited_threads
 from ibrpipe.renderers.prewarp_faces import Face, Sight, plane_face, sight, wall_face
 from ibrpipe.renderers.prewarp_passes import Settings, warp_face
@@ -20,6 +21,9 @@ from ibrpipe.renderers.prewarp_source import Relief, build_relief
 from ibrpipe.types import Array, Camera, Frame
 
 METHODS = ("two-pass", "pipelined")
+FALLBACKS = ("auto", "never", "always")
+#: texels from a relief's box within which the eye is too near for a pre-warped picture
+NEAR = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +49,22 @@ def draw(
     outputs: tuple[str, ...],
     method: str = "two-pass",
     depth_bits: int = 32,
+    level: int | str = "auto",
+    max_step: float | None = None,
+    fallback: str = "auto",
     threads: int = 0,
 ) -> Frame:
-    """Render one frame; see `ibrpipe.render`."""
+    """Render one frame; see `ibrpipe.render` and, for the options, ``docs/renderers/prewarp.md``."""
     if method not in METHODS:
         raise RendererError(f"method is {method!r}; choose among: {', '.join(METHODS)}")
     if depth_bits not in (8, 32):
         raise RendererError(f"depth_bits is {depth_bits!r}; heights are carried as 8 bits or 32")
+    if level != "auto" and not (isinstance(level, int) and level >= 0):
+        raise RendererError(f"level is {level!r}; give auto, or the level of the pyramid, 0 or more")
+    if max_step is not None and not max_step > 0:
+        raise RendererError(f"max_step is {max_step}; give a positive number of texels, or None")
+    if fallback not in FALLBACKS:
+        raise RendererError(f"fallback is {fallback!r}; choose among: {', '.join(FALLBACKS)}")
     settings = Settings(method, depth_bits)
     began = perf_counter()
     shape = (camera.height, camera.width)
@@ -59,9 +72,19 @@ def draw(
     shaded = bool({"color", "alpha"} & set(outputs))
     color, alpha = (np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)) if shaded else (None, None)
     with limited_threads(threads):
-        for relief in scene.reliefs:
-            _draw_relief(relief, camera, settings, depth, color, alpha)
-    stats: dict[str, Any] = {"rays": depth.size, "milliseconds": 1e3 * (perf_counter() - began)}
+        near = [fallback == "always" or (fallback == "auto" and _is_near(each, camera)) for each in scene.reliefs]
+        for relief, exact in zip(scene.reliefs, near, strict=True):
+            if exact:
+                _draw_exact(relief, camera, depth, color, alpha)
+                continue
+            number = projected_level(relief, camera) if level == "auto" else int(level)
+            chosen = relief.level(number).joined_up_to(max_step)
+            _draw_relief(chosen, camera, settings, depth, color, alpha)
+    stats: dict[str, Any] = {
+        "rays": depth.size,
+        "exact": sum(near),
+        "milliseconds": 1e3 * (perf_counter() - began),
+    }
     return Frame(
         color if "color" in outputs else None,
         depth if "depth" in outputs else None,
@@ -89,6 +112,49 @@ def _draw_relief(
             color,
             alpha,
         )
+
+
+def _is_near(relief: Relief, camera: Camera) -> bool:
+    """Whether the eye is inside the relief's box or within a few texels of it (oliveira2000, sec. 6)."""
+    low, high = relief.range
+    eye = sight(relief.frame, camera).eye
+    margin = NEAR * np.array([1.0, 1.0, relief.pitch])
+    rows, columns = relief.height.shape
+    return bool(
+        low <= high and (eye > (0, 0, low) - margin).all() and (eye < np.array([columns, rows, high]) + margin).all()
+    )
+
+
+def _draw_exact(relief: Relief, camera: Camera, depth: Array, color: Array | None, alpha: Array | None) -> None:
+    """Render by the exact search of renderer ldi: the micro-polygons of a relief that is too near."""
+    if "exact" not in relief.made:
+        relief.made["exact"] = ldi.prepare((relief.source,))
+    outputs = ("depth",) if color is None else ("color", "depth", "alpha")
+    frame = ldi.draw(relief.made["exact"], camera, outputs, residuals=False)
+    found = np.asarray(frame.depth)
+    nearer = found < depth
+    depth[nearer] = found[nearer]
+    if color is not None and alpha is not None and frame.color is not None and frame.alpha is not None:
+        color[nearer], alpha[nearer] = frame.color[nearer], frame.alpha[nearer]
+
+
+def projected_level(relief: Relief, camera: Camera) -> int:
+    """Level of the pyramid by the projected area (sec. 4.3, 6), with no texel side longer than a pixel."""
+    low, high = relief.range
+    rows, columns = relief.height.shape
+    if not low <= high:
+        return 0
+    frame, middle = relief.frame, 0.5 * (low + high)
+    u, v = np.array([0, columns, columns, 0]), np.array([0, 0, rows, rows])
+    corners = frame.origin + u[:, None] * frame.a + v[:, None] * frame.b + middle * frame.f
+    x, y, z = camera.K @ (camera.R @ corners.T + camera.t[:, None])
+    if not (z > 1e-6 * np.abs(z).max()).all():
+        return 0
+    x, y = x / z, y / z
+    area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+    sides = np.hypot(np.diff(x, append=x[0]), np.diff(y, append=y[0]))
+    sparest = min(rows * columns / max(area, 1.0), (np.array([columns, rows, columns, rows]) / sides).min() ** 2)
+    return int(min(max(np.floor(0.5 * np.log2(sparest)), 0), 12))
 
 
 def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,22 @@ from ibrpipe.renderers.prewarp_faces import MOST, Face, Sight, source_range
 from ibrpipe.renderers.prewarp_source import Relief
 from ibrpipe.types import Array
 
+#: magnification above which texels count as near the eye's plane
+CAREFUL = 1e3
+
 _NONE8, _NONE = np.empty((0, 0), np.uint8), np.empty(0, np.float32)
+
+
+_MEMORY = threading.local()
+
+
+def scratch(name: str, shape: tuple[int, ...]) -> Array:
+    """Return working memory of a shape, float32, that this thread's next call with the same name takes over."""
+    size = int(np.prod(shape))
+    if len(getattr(_MEMORY, name, ())) < size:
+        setattr(_MEMORY, name, np.empty(size, np.float32))
+    memory: Array = getattr(_MEMORY, name)
+    return memory[:size].reshape(shape)
 
 
 @dataclass(frozen=True)
@@ -59,7 +75,7 @@ def warp_face(
     Returns
     -------
     shifts : (rows, stride) float32
-        g of every pixel of the face's window; NaN = nothing.
+        g of every pixel of the face's window; NaN = nothing. Working memory: the next call overwrites it.
     left, top, columns : int
         Face pixel of the first one's outer corner, and how many columns are filled; None where nothing is in view.
 
@@ -77,7 +93,7 @@ def warp_face(
     if plan.rows[1] <= plan.rows[0] or plan.texels[1] <= plan.texels[0]:
         return None
     stride = -(-count // prewarp.LANES) * prewarp.LANES + 16
-    out = np.empty((height, stride), np.float32)
+    out = scratch("out", (height, stride))
     warp = _pipelined if settings.method == "pipelined" else _two_pass
     warp(relief, view, face, plan, settings, (left, top, count), out)
     return out, left, top, count
@@ -101,8 +117,8 @@ def _two_pass(
 ) -> None:
     left, top, count = place
     (first, last), height = plan.rows, len(out)
-    values = np.empty((relief.height.shape[0], out.shape[1]), np.float32)
-    window = np.array([first, last + 1, *plan.texels, left, count])
+    values = scratch("values", (relief.height.shape[0], out.shape[1]))
+    window = np.array([first, last + 1, *plan.texels, left, count, plan.most > CAREFUL])
     breaks = relief.breaks if relief.broken else _NONE8
     prewarp.warp_rows(*_field(relief, face, plan, settings), breaks, plan.eye, plan.shifts, window, values)
     split, ascending, descending = height if plan.order > 0 else 0, last, first
@@ -119,7 +135,7 @@ def _pipelined(
 ) -> None:
     left, top, count = place
     rows, columns = relief.height.shape
-    places = np.empty((3, rows, columns), np.float32)
+    places = scratch("places", (3, rows, columns))
     window = np.array([plan.rows[0], plan.rows[1] + 1, *plan.texels])
     prewarp_pipelined.place_texels(
         *_field(relief, face, plan, settings), plan.eye, plan.shifts, plan.lines, window, places

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,10 @@ class Relief:
         Greatest step of height between neighbours that are joined; inf = all are.
     front_only : bool
         Only the side of lesser depth is seen.
+    source : texture
+        What it was made of, for the fallback.
+    made : dict
+        Levels of the pyramid and other forms of it, built when they are first asked for.
     """
 
     frame: ParallelFrame
@@ -38,11 +43,34 @@ class Relief:
     color: Array
     gap: float
     front_only: bool
+    source: Any = None
+    made: dict[Any, Any] = field(default_factory=dict)
 
     @property
     def bytes(self) -> int:
         """Bytes held beyond the source."""
-        return 0
+        own = 0 if isinstance(self.source, ReliefTexture) else self.height.nbytes + self.color.nbytes
+        return own + sum(each.bytes for each in self.made.values())
+
+    def joined_up_to(self, texels: float | None) -> Relief:
+        """The same with neighbours joined up to another step (None: as the source says)."""
+        if texels is None:
+            return self
+        if ("gap", texels) not in self.made:
+            self.made["gap", texels] = replace(self, gap=texels * self.pitch, made={})
+        relief: Relief = self.made["gap", texels]
+        return relief
+
+    def level(self, number: int) -> Relief:
+        """Level of the pyramid: colours and heights of 2^number x 2^number texels averaged (oliveira2000, sec. 4.3)."""
+        if number <= 0 or min(self.height.shape) < 4:
+            return self
+        if "half" not in self.made:
+            frame = ParallelFrame(self.frame.origin, 2 * self.frame.a, 2 * self.frame.b, self.frame.f)
+            height, color = _halved(self.height[..., None], self.height)[..., 0], _halved(self.color, self.height)
+            self.made["half"] = replace(self, frame=frame, height=height, color=color, gap=2 * self.gap, made={})
+        half: Relief = self.made["half"]
+        return half.level(number - 1)
 
     @property
     def broken(self) -> bool:
@@ -88,7 +116,7 @@ class Relief:
     def swapped(self) -> Relief:
         """The same texture with rows and columns swapped."""
         frame = ParallelFrame(self.frame.origin, self.frame.b, self.frame.a, self.frame.f)
-        return replace(self, frame=frame, height=np.ascontiguousarray(self.height.T))
+        return replace(self, frame=frame, height=np.ascontiguousarray(self.height.T), made={})
 
     def jump(self, face: Face, view: Sight) -> float:
         """Greatest difference of neighbouring shifts on one surface, over (1 + g)^2; see `prewarp_view`."""
@@ -109,7 +137,7 @@ def build_relief(source: ReliefTexture | LayeredDepthImage | SpiralTexture) -> R
     if max(source.height.shape if isinstance(source, ReliefTexture) else source.shape) > prewarp.SPAN:
         raise RendererError(f"a texture has more than {prewarp.SPAN} texels on a side; cut it or halve its resolution")
     if isinstance(source, ReliefTexture):
-        return Relief(source.frame, source.height, source.color, np.inf, False)
+        return Relief(source.frame, source.height, source.color, np.inf, False, source)
     if not isinstance(source.frame, ParallelFrame):
         raise RendererError(
             "renderer 'prewarp' takes parallel frames; this texture has a perspective one: use renderer 'ldi', "
@@ -120,4 +148,17 @@ def build_relief(source: ReliefTexture | LayeredDepthImage | SpiralTexture) -> R
     color = np.zeros((*source.shape, 3), np.float32)
     height[some], color[some] = source.depth[first[some]], source.color[first[some]]
     texel = max(np.linalg.norm(source.frame.a), np.linalg.norm(source.frame.b))
-    return Relief(source.frame, height, color, GAP * float(texel), True)
+    return Relief(source.frame, height, color, GAP * float(texel), True, source)
+
+
+def _halved(values: Array, height: Array) -> Array:
+    """Mean (H / 2, W / 2, C) float32 over the opaque texels of every 2 x 2; NaN heights where all are transparent."""
+    rows, columns = -(-height.shape[0] // 2), -(-height.shape[1] // 2)
+    padded = np.full((2 * rows, 2 * columns, values.shape[2]), np.nan)
+    padded[: height.shape[0], : height.shape[1]] = np.where(np.isnan(height)[..., None], np.nan, values)
+    blocks = padded.reshape(rows, 2, columns, 2, -1).transpose(0, 2, 1, 3, 4).reshape(rows, columns, 4, -1)
+    known = np.isfinite(blocks)
+    total = np.where(known, blocks, 0.0).sum(axis=2)
+    count = known.sum(axis=2)
+    empty = np.nan if values.shape[2] == 1 else 0.0
+    return np.where(count > 0, total / np.maximum(count, 1), empty).astype(np.float32)

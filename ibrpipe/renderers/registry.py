@@ -77,6 +77,9 @@ _RENDERERS = (
         options={
             "method": "two-pass or pipelined: rows, then columns, or both interspersed (default two-pass)",
             "depth_bits": "8: heights as 254 levels with look-up tables; 32: floats (default 32)",
+            "level": "level of the pyramid; auto: by the projected area (default auto)",
+            "max_step": "texels of height between neighbours above which they are parted; None: as the source says",
+            "fallback": "auto, never, always: exact search where the eye is in or very near a relief (default auto)",
             "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
         },
     ),

@@ -110,7 +110,7 @@ def test_both_passes_equal_the_twin(eye, holes, gap):
     view = sight(source.frame, camera)
     face = plane_face(view, 17, 23, 0.0)
     _, left, top, columns = warp_face(source, view, face)
-    (shifts,) = on_all_thread_counts(lambda: (warp_face(source, view, face)[0][:, :columns],))
+    (shifts,) = on_all_thread_counts(lambda: (warp_face(source, view, face)[0][:, :columns].copy(),))
     x, y = np.arange(columns) + left + 0.5, np.arange(len(shifts)) + top + 0.5
     want = warp_plane(height.astype(float), eye, x, y, gap)
     inside = np.zeros(want.shape, bool)
@@ -143,7 +143,9 @@ def test_pipelined_equals_the_twin_of_two_passes_where_nothing_folds(eye):
     view = sight(source.frame, camera)
     face = plane_face(view, 17, 23, 0.0)
     _, left, top, columns = warp_face(source, view, face, Settings("pipelined"))
-    (shifts,) = on_all_thread_counts(lambda: (warp_face(source, view, face, Settings("pipelined"))[0][:, :columns],))
+    (shifts,) = on_all_thread_counts(
+        lambda: (warp_face(source, view, face, Settings("pipelined"))[0][:, :columns].copy(),)
+    )
     want = warp_plane(height.astype(float), eye, np.arange(columns) + left + 0.5, np.arange(len(shifts)) + top + 0.5)
     both = np.isfinite(shifts) & np.isfinite(want)
     assert both.mean() > 0.7

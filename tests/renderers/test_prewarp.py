@@ -12,6 +12,7 @@ from kernel_runs import on_all_thread_counts
 
 import ibrpipe
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers.prewarp import projected_level
 
 N = 96
 
@@ -54,7 +55,7 @@ VIEWS = {
 def test_smooth_field_from_every_side(name, method, bits):
     eye, fov = VIEWS[name]
     camera = ibrpipe.Camera.look_at(eye, (0.5, 0.5, 0.08), (0.1, 1, 0.2), fov, 160, 120)
-    flips, error, rmse, covered = compare(smooth(), camera, method=method, depth_bits=bits)
+    flips, error, rmse, covered = compare(smooth(), camera, method=method, depth_bits=bits, level=0)
     folded = name in ("low", "in the slab", "corner")  # silhouettes: another surface within a texel of the edge
     assert covered > 0.05
     assert flips < 0.007
@@ -117,11 +118,65 @@ def test_singular_eyes_give_no_nan_and_nothing_behind(eye):
     source = smooth()
     for target in ((0.9, 0.5, 0.08), (0.5, 0.9, 0.3)):
         camera = ibrpipe.Camera.look_at(eye, target, (0, 0, 1), 70, 64, 48)
-        frame = ibrpipe.render(source, camera, "prewarp")
-        assert not np.isnan(frame.depth).any()
-        assert (frame.depth > 0).all()
-        assert not np.isnan(frame.color).any()
-        assert ((frame.alpha > 0) == np.isfinite(frame.depth)).all()
+        for fallback in ("auto", "never"):
+            frame = ibrpipe.render(source, camera, "prewarp", fallback=fallback)
+            assert not np.isnan(frame.depth).any()
+            assert (frame.depth > 0).all()
+            assert not np.isnan(frame.color).any()
+            assert ((frame.alpha > 0) == np.isfinite(frame.depth)).all()
+
+
+def test_an_eye_in_the_relief_gets_the_exact_picture():
+    source = smooth()
+    camera = ibrpipe.Camera.look_at((0.5, 0.5, 0.08), (0.9, 0.5, 0.08), (0, 0, 1), 70, 64, 48)
+    got, want = ibrpipe.render(source, camera, "prewarp"), ibrpipe.render(source, camera, "ldi")
+    assert got.stats["exact"] == 1
+    np.testing.assert_array_equal(got.depth, want.depth)
+    np.testing.assert_array_equal(got.color, want.color)
+    far = ibrpipe.Camera.look_at((0.5, 0.5, 3), (0.5, 0.5, 0), (0, 1, 0), 40, 64, 48)
+    assert ibrpipe.render(source, far, "prewarp").stats["exact"] == 0
+    assert ibrpipe.render(source, far, "prewarp", fallback="always").stats["exact"] == 1
+
+
+def test_levels_of_the_pyramid():
+    source = smooth()
+    far = ibrpipe.Camera.look_at((0.5, 0.4, 3), (0.5, 0.5, 0), (0, 1, 0), 40, 64, 48)
+    prepared = ibrpipe.prepare(source, "prewarp")
+    before = prepared.data.bytes
+    wanted = ibrpipe.render(source, far, "ldi")
+    errors = []
+    for level in (0, "auto", 1, 3):
+        frame = ibrpipe.render(prepared, far, "prewarp", level=level)
+        both = np.isfinite(frame.depth) & np.isfinite(wanted.depth)
+        errors.append(np.sqrt(np.mean((frame.depth[both] - wanted.depth[both]) ** 2)))
+    assert projected_level(prepared.data.reliefs[0], far) == 1
+    assert errors[1] == errors[2]
+    assert errors[0] < errors[1] < errors[3] < 0.02
+    assert prepared.data.bytes > before == 0
+
+
+def test_steps_above_the_threshold_are_parted():
+    source = blocks()
+    camera = ibrpipe.Camera.look_at((0.2, 0.3, 1.5), (0.5, 0.5, 0.05), (0, 1, 0), 45, 160, 120)
+    whole = ibrpipe.render(source, camera, "prewarp", method="pipelined")
+    parted = ibrpipe.render(source, camera, "prewarp", method="pipelined", max_step=1.0)
+    assert np.isfinite(whole.depth).sum() > np.isfinite(parted.depth).sum() > 0.7 * np.isfinite(whole.depth).sum()
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"method": "one-pass"}, "method is 'one-pass'"),
+        ({"depth_bits": 16}, "depth_bits is 16"),
+        ({"level": -1}, "level is -1"),
+        ({"max_step": 0.0}, "max_step is 0.0"),
+        ({"fallback": "maybe"}, "fallback is 'maybe'"),
+    ],
+)
+def test_options_out_of_range_are_named(options, text):
+    camera = ibrpipe.Camera.look_at((0.5, 0.4, 3), (0.5, 0.5, 0), (0, 1, 0), 40, 8, 8)
+    with pytest.raises(RendererError, match=text):
+        ibrpipe.render(smooth(8), camera, "prewarp", **options)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (9, 1), (2, 2), (5, 33)])
