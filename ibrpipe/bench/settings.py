@@ -115,12 +115,18 @@ LINES = Limit(
     "reference samples met step by step along an epipolar line: right to about a texel, thin features are missed",
 )  # fmt: skip
 
+SPLATS = Limit(
+    ANY, ANY, ANY, ANY, ANY, ANY,
+    "forward-warp baseline: holes where samples are far apart, boundless footprints near the eye; NaN and threads count",
+)  # fmt: skip
+
 SETTINGS: tuple[Setting, ...] = (
     Setting("ldi", "ldi", {"search": "patches"}),
     Setting("ldi", "ldi quadtree", {"search": "quadtree"}, quick=False),
     Setting("epipolar", "epipolar", {"search": "exact"}),
     Setting("epipolar", "epipolar nearest", {"search": "nearest"}, LINES, first_layer=True),
     Setting("epipolar", "epipolar linear", {"search": "linear"}, LINES, first_layer=True, quick=False),
+    Setting("splat", "splat", {}, SPLATS, first_layer=True, quick=False),
     Setting("relief", "relief", {"search": "exact"}, special=RIMS, first_layer=True),
     Setting("relief", "relief 32+8", {"search": "linear-binary"}, STEPS, FLATS, first_layer=True),
     Setting(

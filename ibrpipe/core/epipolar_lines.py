@@ -121,7 +121,8 @@ def _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, fine
     own[LINE : LINE + 3] = (line - own[EDGE] * along) / width
     own[TURN : TURN + 3] = along
     own[AXIS], own[SIGN], own[ALONG], own[ACROSS], own[OUTWARD] = axis, sign, length, breadth, 1.0 if outward else -1.0
-    own[LEVEL] = max(0, min(math.floor(math.log2(max(coarseness * width, 1.0))), 12))
+    top = (int(max(cells)) - 1).bit_length()  # one block holds all cells there
+    own[LEVEL] = min(math.floor(math.log2(max(coarseness * width, 1.0))), top)
     _number_bins(own, region, slopes, pixels, far)
     own[USED] = 1.0
     return True

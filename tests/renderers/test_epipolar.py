@@ -8,6 +8,8 @@ import pytest
 from kernel_runs import on_all_thread_counts
 
 import ibrpipe
+from ibrpipe.core import epipolar_lines
+from ibrpipe.renderers import epipolar
 from ibrpipe.types import Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture
 
 PLAIN = ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
@@ -165,6 +167,20 @@ def test_tiny_and_huge(width):
     check(
         source, Camera.look_at(target + scale * np.array([3, 1, 9e5]), target, fov_y_deg=0.001, width=40, height=30), 1
     )
+
+
+@pytest.mark.parametrize("scale", [1.0, 300.0, 3e5])
+def test_lines_wider_than_the_map(scale):
+    """Cells far smaller than a pixel, and far narrower than long: blocks end at the one that holds all cells."""
+    rng = np.random.default_rng(8)
+    frame = ParallelFrame((0, 0, 0), (1, 0, 0), (0, scale, 0), (0, 0, 1))
+    source = relief(frame, rng.random((12, 14)))
+    for ways in ((3, 2, 4), (0.1, 4, 3)):
+        target = np.array([7, 6 * scale, 0.5])
+        camera = Camera.look_at(target + 6 * scale * np.array(ways), target, width=40, height=30)
+        check(source, camera, flips=1.0)
+        sectors, _ = epipolar.sweep_map(ibrpipe.prepare(source, "epipolar").data.maps[0], camera)
+        assert (sectors[:, epipolar_lines.LEVEL] <= 4).all()  # 13 cells, 16, 8, 4, 2 and 1 blocks
 
 
 def test_nothing_to_hit():
