@@ -117,7 +117,7 @@ LINES = Limit(
 
 SPLATS = Limit(
     ANY, ANY, ANY, ANY, ANY, ANY,
-    "forward-warp baseline: holes where samples are far apart, boundless footprints near the eye; NaN and threads count",
+    "forward-warp baseline: holes where samples are far apart, boundless footprints near the eye; only NaN counts",
 )  # fmt: skip
 
 SETTINGS: tuple[Setting, ...] = (
