@@ -22,6 +22,8 @@ from ibrpipe.types import Array, Camera, Frame
 
 METHODS = ("two-pass", "pipelined")
 FALLBACKS = ("auto", "never", "always")
+#: texels on a side below which a relief is searched exactly
+FEWEST = 4
 #: texels from a relief's box within which the eye is too near for a pre-warped picture
 NEAR = 2.0
 
@@ -115,8 +117,10 @@ def _draw_relief(
 
 
 def _is_near(relief: Relief, camera: Camera) -> bool:
-    """Whether the eye is inside the relief's box or within a few texels of it (oliveira2000, sec. 6)."""
+    """Whether the eye is inside the relief's box or within a few texels of it (sec. 6), or it has hardly any texels."""
     low, high = relief.range
+    if min(relief.height.shape) < FEWEST:
+        return True
     eye = sight(relief.frame, camera).eye
     margin = NEAR * np.array([1.0, 1.0, relief.pitch])
     rows, columns = relief.height.shape

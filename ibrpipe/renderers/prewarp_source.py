@@ -49,7 +49,7 @@ class Relief:
     @property
     def bytes(self) -> int:
         """Bytes held beyond the source."""
-        own = 0 if isinstance(self.source, ReliefTexture) else self.height.nbytes + self.color.nbytes
+        own = 0 if self.height is getattr(self.source, "height", None) else self.height.nbytes + self.color.nbytes
         return own + sum(each.bytes for each in self.made.values())
 
     def joined_up_to(self, texels: float | None) -> Relief:

@@ -21,7 +21,6 @@ from ibrpipe.errors import ConfigError
 from ibrpipe.types import Frame
 
 LDI = ("ldi", "ldi quadtree")
-PREWARP = ("prewarp", "prewarp pipelined", "prewarp 8-bit")
 #: case -> (settings that are beyond their limits there, why); a cell that is mended must be taken out
 KNOWN = {
     "eye-ten-million-texels-away": (
@@ -33,11 +32,6 @@ KNOWN = {
         "16 bits of -1/z do not separate depths from 1e-3 to 1e3: hits are lost",
     ),
     "spiral-linear-residuals-with-a-zero": (LDI, "the code of no residual is taken from linear residuals too"),
-    **dict.fromkeys(
-        (f"size-{size}{kind}" for size in ("1x1", "9x1", "1x9") for kind in ("", "-layers")),
-        (PREWARP, "textures without a cell of four texels are not shown"),
-    ),
-    "size-2x2": (PREWARP, "a single cell is not shown"),
 }
 
 
