@@ -95,6 +95,20 @@ _RENDERERS = (
             "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
         },
     ),
+    Renderer(
+        name="relief",
+        module="ibrpipe.renderers.relief",
+        summary="Relief mapping: rays searched through height fields, exactly or by linear and binary steps.",
+        paper="policarpo2005",
+        limits="Parallel frames, first layer; search='linear-binary' steps over thin features.",
+        accepts=("ReliefTexture", "LayeredDepthImage", "SpiralTexture", "Asset"),
+        options={
+            "search": "exact: no feature is missed; linear-binary: as published (default exact)",
+            "linear_steps": "steps of the published search along the ray (default 32)",
+            "binary_steps": "halvings of the published search (default 8)",
+            "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
+        },
+    ),
 )
 
 

@@ -1,0 +1,87 @@
+"""The `relief` renderer: height fields and relief-mapped meshes searched ray by ray. Source: policarpo2005.
+
+The searches, the surface that they hit and the departures from the paper stand in ``docs/renderers/relief.md``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers.ldi import limited_threads
+from ibrpipe.renderers.relief_fields import Field, build_field
+from ibrpipe.types import Array, Camera, Frame
+
+SEARCHES = ("exact", "linear-binary")
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All parts of a prepared source."""
+
+    parts: tuple[Field, ...]
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held beyond the sources."""
+        return sum(part.bytes for part in self.parts)
+
+
+def prepare(textures: tuple[Any, ...]) -> Scene:
+    """Build the pyramids of all sources."""
+    return Scene(tuple(build_field(texture) for texture in textures))
+
+
+def draw(
+    scene: Scene,
+    camera: Camera,
+    outputs: tuple[str, ...],
+    search: str = "exact",
+    linear_steps: int = 32,
+    binary_steps: int = 8,
+    threads: int = 0,
+) -> Frame:
+    """Render one frame; see `ibrpipe.render`."""
+    if search not in SEARCHES:
+        raise RendererError(f"search is {search!r}; choose among: {', '.join(SEARCHES)}")
+    if not (1 <= linear_steps <= 4096 and 0 <= binary_steps <= 64):
+        raise RendererError(f"linear_steps is {linear_steps} (1 to 4096), binary_steps {binary_steps} (0 to 64)")
+    began = perf_counter()
+    shape = (camera.height, camera.width)
+    depth = np.full(shape, np.inf, np.float32)
+    shaded = bool({"color", "alpha"} & set(outputs))
+    color, alpha = (np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)) if shaded else (None, None)
+    with limited_threads(threads):
+        for part in scene.parts:
+            _draw_field(part, camera, search, linear_steps, binary_steps, depth, color, alpha)
+    stats: dict[str, Any] = {"rays": depth.size, "milliseconds": 1e3 * (perf_counter() - began)}
+    if alpha is not None:
+        stats["hits"] = int(np.count_nonzero(alpha))
+    return Frame(
+        color if "color" in outputs else None,
+        depth if "depth" in outputs else None,
+        alpha if "alpha" in outputs else None,
+        stats,
+    )
+
+
+def _draw_field(
+    field: Field,
+    camera: Camera,
+    search: str,
+    steps: int,
+    halvings: int,
+    depth: Array,
+    color: Array | None,
+    alpha: Array | None,
+) -> None:
+    before = depth.copy() if color is not None else depth
+    field.search(camera, search, steps, halvings, depth)
+    if color is not None and alpha is not None:
+        mine = depth < before
+        color[mine], alpha[mine] = 0.0, 0.0
+        field.shade(camera, mine, depth, color, alpha)

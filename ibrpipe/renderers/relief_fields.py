@@ -1,0 +1,175 @@
+"""Height fields as the relief renderer searches them: one sheet of texels in a box, with its pyramid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.core import relief_exact, relief_linear, relief_shade
+from ibrpipe.core.quadtree import EMPTY, STEPS
+from ibrpipe.core.relief_pyramid import build_pyramid
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers.fields import Place, _place
+from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
+
+#: steps between neighbouring samples of a layered image, in texels, above which they are not joined
+GAP = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """A height field in its box.
+
+    Attributes
+    ----------
+    place : Place
+        Texel (0, 0)'s centre is cell coordinate (0, 0).
+    height : (H, W) float32, field depth; NaN = hole
+    color : (H, W, 4) float32, linear; fourth 1 where the colour is known
+    plan, nodes : see :mod:`ibrpipe.core.relief_pyramid`
+    grid : (5,) float64
+        Lowest depth of the bounds, steps per depth, least and greatest depth, texels per row.
+    front : bool
+        Only the side of lesser depth is seen.
+    whole : bool
+        No cell is a hole.
+    """
+
+    place: Place
+    height: Array
+    color: Array
+    plan: Array
+    nodes: Array
+    grid: Array
+    front: bool
+    whole: bool
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held beyond the source itself."""
+        return self.nodes.nbytes
+
+    def search(self, camera: Camera, method: str, steps: int, halvings: int, depth: Array) -> None:
+        """Lower `depth` (h, w) float32 where this field is hit nearer."""
+        if not self.grid[2] <= self.grid[3]:
+            return
+        start, turn = self.place.rays(camera)
+        window = np.array([0, camera.width, 0, camera.height])
+        rays = np.ascontiguousarray(start[:3]), np.ascontiguousarray(turn[:3]).ravel()
+        if method == "exact":
+            padded = self.grid.copy()
+            padded[2], padded[3] = self.grid[0], self.grid[0] + STEPS / self.grid[1]
+            relief_exact.search_exact(
+                self.height.ravel(), self.nodes, self.plan, padded, *rays, float(self.front), self.whole, window, depth
+            )
+            return
+        side = -1.0 if self.front else self.outside(rays[0])
+        relief_linear.search_linear(
+            pairs(self.height), self.nodes, self.plan, self.grid, *rays, side, steps, halvings, window, depth
+        )
+
+    def outside(self, eye: Array) -> float:
+        """Return +1 where the eye (u, v, d) is above the height nearest to it, else -1; holes count as half way up."""
+        rows, columns = self.height.shape
+        i, j = int(np.clip(np.rint(eye[0]), 0, columns - 1)), int(np.clip(np.rint(eye[1]), 0, rows - 1))
+        near = float(self.height[j, i])
+        return 1.0 if eye[2] >= (near if np.isfinite(near) else 0.5 * (self.grid[2] + self.grid[3])) else -1.0
+
+    def shade(self, camera: Camera, mine: Array, depth: Array, color: Array, alpha: Array) -> None:
+        """Set `color` (h, w, 3) and `alpha` (h, w) of the hits that are `mine` (h, w) bool."""
+        start, turn = self.place.rays(camera)
+        relief_shade.color_heights(mine, depth, start, turn, self.color, color, alpha)
+
+
+def pairs(height: Array) -> Array:
+    """(H * W - 1,) int64: each texel's float32 with the one after it, as overlapping words of one memory."""
+    words = np.frombuffer(height, np.int64, 1)
+    return np.lib.stride_tricks.as_strided(words, (height.size - 1,), (4,), writeable=False)
+
+
+def build_field(source: Any) -> Field:
+    """Build the field of one texture.
+
+    Raises
+    ------
+    RendererError
+        Its frame is a perspective one, or it is too large.
+    """
+    if isinstance(source, SpiralTexture):
+        source = source.layers
+    if isinstance(source, ReliefTexture):
+        known = np.ones((*source.height.shape, 1), np.float32)
+        color = np.concatenate([source.color, known], axis=2)
+        if min(source.height.shape) > 1:
+            return _field(source.frame, source.height, color, np.inf, False)
+        return _thin_field(source.frame, source.height, color)
+    return _first_layer(source)
+
+
+def _field(
+    frame: ParallelFrame, height: Array, color: Array, gap: float, front: bool, place: Place | None = None
+) -> Field:
+    if height.size >= 2**29:
+        raise RendererError(f"a texture of {height.shape[1]} x {height.shape[0]} texels is too large; cut it")
+    some = np.isfinite(height)
+    low, high = (float(height[some].min()), float(height[some].max())) if some.any() else (1.0, 0.0)
+    pad = 1e-4 * max(high - low, 0.0) + 4.0 * float(np.spacing(np.float32(max(abs(low), abs(high), 1e-30))))
+    scale = STEPS / (max(high - low, 0.0) + 2.0 * pad)
+    plan, nodes = build_pyramid(height, low - pad, scale, gap)
+    grid = np.array([low - pad, scale, low, high, height.shape[1]])
+    return Field(
+        place or _place(frame, 0.5),
+        height,
+        np.ascontiguousarray(color),
+        plan,
+        nodes,
+        grid,
+        front,
+        _is_whole(plan, nodes),
+    )
+
+
+def _is_whole(plan: Array, nodes: Array) -> bool:
+    rows, columns, across = int(plan[0]), int(plan[1]), int(plan[3])
+    cells = nodes[len(nodes) - int(plan[2]) * across :].reshape(-1, across)[:rows, :columns]
+    return not bool((cells == EMPTY).any())
+
+
+def _thin_field(frame: ParallelFrame, height: Array, color: Array) -> Field:
+    """Return the field of a texture one texel wide or high: every sample covers its texel, all neighbours are joined.
+
+    Its grid has half the pitch: nodes at texel centres, between them, and on the outer border.
+    """
+    rows, columns = height.shape
+    joined, shades = np.full((2 * rows + 1, 2 * columns + 1), np.nan, np.float32), np.zeros((1, 1, 4), np.float32)
+    shades = np.zeros((*joined.shape, 4), np.float32)
+    for j in range(joined.shape[0]):
+        for i in range(joined.shape[1]):
+            ys = {min(max((j - 1) // 2, 0), rows - 1), min(max(j // 2, 0), rows - 1)}
+            xs = {min(max((i - 1) // 2, 0), columns - 1), min(max(i // 2, 0), columns - 1)}
+            near = [(y, x) for y in ys for x in xs if np.isfinite(height[y, x])]
+            if near and (j % 2 == 0 or i % 2 == 0 or np.isfinite(height[(j - 1) // 2, (i - 1) // 2])):
+                joined[j, i] = np.mean([height[at] for at in near], dtype=np.float64)
+                shades[j, i] = np.mean([color[at] for at in near], axis=0)
+    place = _place(frame, 0.0)
+    linear, shift = place.linear.copy(), place.shift.copy()
+    linear[:2] *= 2.0
+    shift[:2] *= 2.0
+    return _field(frame, joined, shades, np.inf, True, Place(linear, place.origin, shift, False))
+
+
+def _first_layer(layers: LayeredDepthImage) -> Field:
+    if not isinstance(layers.frame, ParallelFrame):
+        raise RendererError(
+            "renderer 'relief' takes parallel frames; this texture has a perspective one: use renderer 'ldi'"
+        )
+    first, some = layers.offsets[:, :-1], np.diff(layers.offsets, axis=1) > 0
+    height, color = np.full(layers.shape, np.nan, np.float32), np.zeros((*layers.shape, 4), np.float32)
+    height[some], color[some, :3] = layers.depth[first[some]], layers.color[first[some]]
+    color[some, 3] = 1.0 if layers.observers is None else layers.observers[first[some]] > 0
+    if min(layers.shape) == 1:
+        return _thin_field(layers.frame, height, color)
+    texel = max(np.linalg.norm(layers.frame.a), np.linalg.norm(layers.frame.b))
+    return _field(layers.frame, height, color, GAP * float(texel), True)
