@@ -103,11 +103,12 @@ RIMS = dict.fromkeys(("layers-", "bits-layers", *(f"size-{n}-layers" for n in ("
     (f"size-{n}-layers" for n in ("1x1", "9x1", "1x9", "2x2")), Limit(2e-3, 1e-3, 1e-2, 0.12, ANY, 0.6, RIM.reason)
 )
 STEPS = Limit(
-    ANY, ANY, 8.0, 0.13, 0.05, ANY,
+    ANY, ANY, 8.0, 0.16, 0.05, ANY,
     "published search: features thinner than a step are missed, and what is below the surface where it enters is hit",
 )  # fmt: skip
 FLATS = {
-    "surface-constant": Limit(ANY, ANY, ANY, 1.0, 1.0, ANY, "published search: a box without thickness holds no step")
+    "surface-constant": Limit(ANY, ANY, ANY, 1.0, 1.0, ANY, "published search: a box without thickness holds no step"),
+    "eye-on-texel": Limit(ANY, ANY, ANY, 0.16, 0.05, ANY, "published search: a step is a large shift close to the eye"),
 }
 
 LINES = Limit(

@@ -69,10 +69,13 @@ def set_out(turn, start, x0, y0, t, low, scale, bottom, top, columns, rows, size
         za, zb = (bottom - start[2]) * iz, (top - start[2]) * iz
         near = max(max(min(xa, xb), min(ya, yb)), max(min(za, zb), t))
         far = min(min(max(xa, xb), max(ya, yb)), max(za, zb))
-        length = far - near
-        buf[AU + k] = start[0] + near * x - first_i
-        buf[AV + k] = start[1] + near * y - first_j
-        buf[AD + k] = (start[2] + near * z - low) * scale
+        met = near <= far  # else all is set to nothing: no overflow, no NaN
+        length = far - near if met else -1.0
+        near = near if met else 0.0
+        x, y, z = x if met else 0.0, y if met else 0.0, z if met else 0.0
+        buf[AU + k] = start[0] + near * x - first_i if met else 0.0
+        buf[AV + k] = start[1] + near * y - first_j if met else 0.0
+        buf[AD + k] = (start[2] + near * z - low) * scale if met else 0.0
         buf[BU + k] = length * x
         buf[BV + k] = length * y
         buf[BD + k] = length * z * scale
@@ -243,7 +246,7 @@ def settle(near, i, j, a, b, c, e, start, turn, px, py):
 
 
 @kernel
-def search_exact(heights, nodes, plan, grid, start, turn, front, whole, window, out):
+def search_exact(heights, nodes, plan, grid, start, turn, front, whole, window, out, places):
     # heights (H * stride,) f32, NaN = hole; the others: see relief_linear.search_linear; front: 1 = only hits where d
     # grows count, 0 = all; whole: no cell is a hole
     across = (window[1] - window[0] + WIDTH - 1) // WIDTH
@@ -288,3 +291,7 @@ def search_exact(heights, nodes, plan, grid, start, turn, front, whole, window, 
                     )  # fmt: skip
                     if eye_depth < depth < out[y, x]:
                         out[y, x] = depth
+                        if places.shape[0] > 0:
+                            for axis in range(2):
+                                way = turn[3 * axis] * (x + 0.5) + turn[3 * axis + 1] * (y + 0.5) + turn[3 * axis + 2]
+                                places[y, x, axis] = start[axis] + depth * way

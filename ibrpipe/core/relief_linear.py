@@ -72,10 +72,13 @@ def clip_lanes(turn, start, x0, y0, t, bottom, top, columns, rows, buf):
         za, zb = (bottom - start[2]) * iz, (top - start[2]) * iz
         near = max(max(min(xa, xb), min(ya, yb)), max(min(za, zb), 0.0))
         far = min(min(max(xa, xb), max(ya, yb)), max(za, zb))
-        length = far - near
-        buf[k] = start[0] + near * x
-        buf[PITCH + k] = start[1] + near * y
-        buf[2 * PITCH + k] = start[2] + near * z
+        met = near <= far  # else all is set to nothing: no overflow, no NaN
+        length = far - near if met else -1.0
+        near = near if met else 0.0
+        x, y, z = x if met else 0.0, y if met else 0.0, z if met else 0.0
+        buf[k] = start[0] + near * x if met else 0.0
+        buf[PITCH + k] = start[1] + near * y if met else 0.0
+        buf[2 * PITCH + k] = start[2] + near * z if met else 0.0
         buf[3 * PITCH + k] = length * x
         buf[4 * PITCH + k] = length * y
         buf[5 * PITCH + k] = length * z
@@ -85,7 +88,7 @@ def clip_lanes(turn, start, x0, y0, t, bottom, top, columns, rows, buf):
 
 
 @fused
-def skip_samples(nodes, first, level, columns, low, step, side, steps, share, buf):
+def skip_samples(nodes, first, level, columns, last_i, last_j, low, step, side, steps, share, buf):
     # move every lane's sample number (slot 8) past samples that are outside because their block of the pyramid is:
     # all those before the ray leaves the block or comes down to its bound -> how many lanes moved
     zero, one, size = np.float32(0.0), np.float32(1.0), np.float32(1 << level)
@@ -94,7 +97,10 @@ def skip_samples(nodes, first, level, columns, low, step, side, steps, share, bu
     for k in range(LANES):
         s = buf[8 * PITCH + k] * share
         u, v = buf[k] + s * buf[3 * PITCH + k], buf[PITCH + k] + s * buf[4 * PITCH + k]
-        i, j = np.uint32(np.int32(max(u, zero) * unsize)), np.uint32(np.int32(max(v, zero) * unsize))
+        i, j = (
+            np.uint32(np.int32(min(max(u, zero), last_i) * unsize)),
+            np.uint32(np.int32(min(max(v, zero), last_j) * unsize)),
+        )
         node = nodes[first + j * columns + i]
         least, greatest = np.float32(np.int32(node & np.uint32(0xFFFF))), np.float32(np.int32(node >> np.uint32(16)))
         buf[9 * PITCH + k] = low + step * (greatest + (least - greatest) * high)
@@ -104,7 +110,10 @@ def skip_samples(nodes, first, level, columns, low, step, side, steps, share, bu
         s = sample * share
         u, v = buf[k] + s * buf[3 * PITCH + k], buf[PITCH + k] + s * buf[4 * PITCH + k]
         d = buf[2 * PITCH + k] + s * buf[5 * PITCH + k]
-        fi, fj = np.float32(np.int32(max(u, zero) * unsize)), np.float32(np.int32(max(v, zero) * unsize))
+        fi, fj = (
+            np.float32(np.int32(min(max(u, zero), last_i) * unsize)),
+            np.float32(np.int32(min(max(v, zero), last_j) * unsize)),
+        )
         edge_u = (fi + (one if buf[3 * PITCH + k] >= zero else zero)) * size
         edge_v = (fj + (one if buf[4 * PITCH + k] >= zero else zero)) * size
         leave = min((edge_u - buf[k]) * buf[12 * PITCH + k], (edge_v - buf[PITCH + k]) * buf[13 * PITCH + k])
@@ -121,10 +130,10 @@ def skip_samples(nodes, first, level, columns, low, step, side, steps, share, bu
 
 
 @kernel
-def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, halvings, window, out):
+def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, halvings, window, out, places):
     # pairs (H * stride - 1,) i64: texel and its right neighbour, overlapping; grid (5,) f64: low, scale, bottom, top,
     # stride; start (3,), turn (9,) f64: rays; window (4,) i64: x0, x1, y0, y1 pixels; out (h, w) f32 camera depth,
-    # lowered in place where the ray hits nearer
+    # lowered in place where the ray hits nearer; places (h, w, 2) f64 or (0, 0, 2): hits in cells
     across = (window[1] - window[0] + WIDTH - 1) // WIDTH
     down = (window[3] - window[2] + HEIGHT - 1) // HEIGHT
     columns, rows = float(plan[1]), float(plan[0])
@@ -144,7 +153,7 @@ def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, halvings, 
         if not t < end:
             continue
         spacing = (end - t) * max(abs(ways[0]), abs(ways[1])) / steps
-        level = SKIP_LEVEL
+        level = min(np.int64(SKIP_LEVEL), plan[4])
         while level < plan[4] and float(1 << level) < 2.0 * spacing:
             level += 1
         first_block = np.uint32(first_node(level, plan))
@@ -166,7 +175,7 @@ def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, halvings, 
                 moved = one
                 while moved > zero:
                     moved = skip_samples(
-                        nodes, first_block, level, block_columns, low, step, side32, steps32, share, buf
+                        nodes, first_block, level, block_columns, last_i, last_j, low, step, side32, steps32, share, buf
                     )
                 going = zero
                 for k in range(LANES):
@@ -201,3 +210,6 @@ def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, halvings, 
                     depth = buf[6 * PITCH + k] + s * buf[7 * PITCH + k]
                     if depth < out[y, x]:
                         out[y, x] = depth
+                        if places.shape[0] > 0:
+                            places[y, x, 0] = buf[k] + s * buf[3 * PITCH + k]
+                            places[y, x, 1] = buf[PITCH + k] + s * buf[4 * PITCH + k]

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrpipe.core import relief_shade
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.ldi import limited_threads
 from ibrpipe.renderers.relief_fields import Field, build_field
@@ -80,8 +81,9 @@ def _draw_field(
     alpha: Array | None,
 ) -> None:
     before = depth.copy() if color is not None else depth
-    field.search(camera, search, steps, halvings, depth)
+    places = np.empty((*depth.shape, 2) if color is not None else (0, 0, 2))
+    field.search(camera, search, steps, halvings, depth, places)
     if color is not None and alpha is not None:
         mine = depth < before
         color[mine], alpha[mine] = 0.0, 0.0
-        field.shade(camera, mine, depth, color, alpha)
+        relief_shade.color_heights(mine, places, field.color, color, alpha)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.core import relief_exact, relief_linear, relief_shade
+from ibrpipe.core import relief_exact, relief_linear
 from ibrpipe.core.quadtree import EMPTY, STEPS
 from ibrpipe.core.relief_pyramid import build_pyramid
 from ibrpipe.errors import RendererError
@@ -51,8 +51,8 @@ class Field:
         """Bytes held beyond the source itself."""
         return self.nodes.nbytes
 
-    def search(self, camera: Camera, method: str, steps: int, halvings: int, depth: Array) -> None:
-        """Lower `depth` (h, w) float32 where this field is hit nearer."""
+    def search(self, camera: Camera, method: str, steps: int, halvings: int, depth: Array, places: Array) -> None:
+        """Lower `depth` (h, w) float32 where this field is hit nearer; `places` (h, w, 2) or empty: hits in cells."""
         if not self.grid[2] <= self.grid[3]:
             return
         start, turn = self.place.rays(camera)
@@ -62,12 +62,21 @@ class Field:
             padded = self.grid.copy()
             padded[2], padded[3] = self.grid[0], self.grid[0] + STEPS / self.grid[1]
             relief_exact.search_exact(
-                self.height.ravel(), self.nodes, self.plan, padded, *rays, float(self.front), self.whole, window, depth
+                self.height.ravel(),
+                self.nodes,
+                self.plan,
+                padded,
+                *rays,
+                float(self.front),
+                self.whole,
+                window,
+                depth,
+                places,
             )
             return
         side = -1.0 if self.front else self.outside(rays[0])
         relief_linear.search_linear(
-            pairs(self.height), self.nodes, self.plan, self.grid, *rays, side, steps, halvings, window, depth
+            pairs(self.height), self.nodes, self.plan, self.grid, *rays, side, steps, halvings, window, depth, places
         )
 
     def outside(self, eye: Array) -> float:
@@ -76,11 +85,6 @@ class Field:
         i, j = int(np.clip(np.rint(eye[0]), 0, columns - 1)), int(np.clip(np.rint(eye[1]), 0, rows - 1))
         near = float(self.height[j, i])
         return 1.0 if eye[2] >= (near if np.isfinite(near) else 0.5 * (self.grid[2] + self.grid[3])) else -1.0
-
-    def shade(self, camera: Camera, mine: Array, depth: Array, color: Array, alpha: Array) -> None:
-        """Set `color` (h, w, 3) and `alpha` (h, w) of the hits that are `mine` (h, w) bool."""
-        start, turn = self.place.rays(camera)
-        relief_shade.color_heights(mine, depth, start, turn, self.color, color, alpha)
 
 
 def pairs(height: Array) -> Array:
