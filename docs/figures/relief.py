@@ -1,0 +1,100 @@
+"""Pictures of the pages on relief textures: python docs/figures/relief.py [MESH.ply]; written to docs/images.
+
+The brick wall and the interpenetration are made from numbers alone; the six-face object needs a mesh file.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import ibrpipe
+from ibrpipe.io.images import write_png
+from ibrpipe.io.meshes import read_mesh
+from ibrpipe.stages.reliefs import SIDES, asset_from_reliefs, box_from_mesh, relief_from_images
+from ibrpipe.types import Array, Camera, ReliefTexture
+
+IMAGES = Path(__file__).resolve().parent.parent / "images"
+GROUND = 0.9
+
+
+def brick_wall(rows: int = 384, columns: int = 512) -> ReliefTexture:
+    """A wall 2 x 1.5 of bricks that stand 0.05 out of the mortar, their edges rounded."""
+    rng = np.random.default_rng(4)
+    v, u = (np.indices((rows, columns)) + 0.5) / rows
+    course = np.floor(v * 9).astype(int)
+    across = u * 4.5 + 0.5 * (course % 2)
+    number = np.floor(across).astype(int)
+    edge = np.minimum(np.minimum(across % 1, 1 - across % 1) / 4.5, np.minimum(v * 9 % 1, 1 - v * 9 % 1) / 9)
+    height = 0.05 * np.clip((edge - 0.006) / 0.012, 0, 1) ** 0.5
+    tint = rng.uniform(0.6, 1.25, (16, 16))[course % 16, number % 16]
+    grain = 1 + 0.08 * rng.standard_normal((rows, columns))
+    brick = np.array([0.36, 0.09, 0.05]) * (tint * grain)[..., None]
+    mortar = np.array([0.42, 0.40, 0.36]) * grain[..., None]
+    color = np.where((height > 0.012)[..., None], brick, mortar)
+    slope = np.stack(np.gradient(height, 1.5 / rows), -1)
+    shade = np.clip(1.0 - 0.9 * slope[..., 0] + 0.5 * slope[..., 1], 0.35, 1.6) / np.sqrt(1 + 0.3 * (slope**2).sum(-1))
+    return relief_from_images(height, np.clip(color * shade[..., None], 0, 1), (2.0, 1.5))
+
+
+def waves(phase: float, tint: tuple[float, float, float], tilt: float) -> ReliefTexture:
+    """A wavy sheet, tilted round x."""
+    y, x = np.mgrid[:256, :256] / 256
+    height = 0.1 * np.sin(14 * x + phase) * np.cos(11 * y)
+    checks = 0.75 + 0.25 * (((np.floor(10 * x) + np.floor(10 * y)) % 2) - 0.5)
+    relief = relief_from_images(height, np.array(tint) * (checks + 2.5 * height)[..., None], (2.0, 2.0))
+    turn = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+    frame = ibrpipe.ParallelFrame(*(turn @ each for each in (relief.frame.origin, relief.frame.a, relief.frame.b,
+                                                             relief.frame.f)))  # fmt: skip
+    return ReliefTexture(frame, relief.color, relief.height)
+
+
+def picture(source: object, camera: Camera, renderer: str = "prewarp", **options: object) -> Array:
+    """A frame on a light ground, twice as fine and averaged."""
+    fine = camera.resized(2 * camera.width, 2 * camera.height)
+    frame = ibrpipe.render(source, fine, renderer, **options)
+    color = np.where(frame.alpha[..., None] > 0, frame.color, GROUND)
+    return color.reshape(camera.height, 2, camera.width, 2, 3).mean(axis=(1, 3))
+
+
+def write(name: str, rows: list[list[Array]]) -> None:
+    """Write a grid of pictures."""
+    write_png(IMAGES / name, np.concatenate([np.concatenate(row, axis=1) for row in rows], axis=0))
+
+
+def main() -> None:
+    """Make all pictures."""
+    IMAGES.mkdir(exist_ok=True)
+    wall = brick_wall()
+    views = [
+        Camera.look_at(eye, (0, 0, 0), (0, 1, 0), 46.0, 240, 190)
+        for eye in ((0.0, 0.1, 2.2), (1.6, 0.3, 1.4), (-2.0, -0.5, 0.55))
+    ]
+    write("prewarp-brick.png", [[picture(wall, view, method="pipelined", level=0) for view in views]])
+    sheets = [waves(0.0, (0.75, 0.35, 0.2), 0.35), waves(1.5, (0.2, 0.4, 0.75), -0.35)]
+    view = Camera.look_at((1.3, -1.6, 2.3), (0, 0, 0), (0, 0, 1), 40.0, 260, 220)
+    pairs = [picture(sheets, view, method="pipelined"), picture(sheets, view, "ldi")]
+    write("prewarp-interpenetration.png", [pairs])
+    if len(sys.argv) > 1:
+        box(Path(sys.argv[1]))
+
+
+def box(path: Path) -> None:
+    """A mesh as six relief textures, from regions with one, two and three faces toward the eye."""
+    mesh = read_mesh(path)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    middle, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
+    prepared = ibrpipe.prepare(asset_from_reliefs(box_from_mesh(mesh, 384), list(SIDES), path.name), "prewarp")
+    ways = [(0, 0, 1), (1, 0, 0.02), (0, 1, 0.3), (1, 0, 1), (-1, 0.7, 0), (1, 0.6, 1), (-1, 0.7, -1), (1, -0.6, -1)]
+    shots = []
+    for way in ways:
+        eye = middle + 1.45 * size * np.array(way) / np.linalg.norm(way)
+        camera = Camera.look_at(eye, middle, (0, 1, 0.001), 38.0, 150, 150)
+        shots.append(picture(prepared, camera, level=0, method="pipelined"))
+    write("prewarp-box.png", [shots[:4], shots[4:]])
+
+
+if __name__ == "__main__":
+    main()
