@@ -3,11 +3,14 @@
 ``helper`` compiles scalar functions that kernels call, ``kernel`` compiles loops with ``prange`` over rows (each
 row written by one thread, so the thread count never changes a byte), ``serial`` compiles loops whose order matters.
 Fast-math is a subset without ``nnan`` and ``ninf``: holes are NaN and misses are infinite here.
-Compiled code is cached in a folder named by a hash of the kernel sources, so an edit in any kernel module is seen.
+Compiled code is cached per module, in a folder named by a hash of its source and of all kernel modules that it imports:
+an edit in any of them is seen, and an edit elsewhere compiles nothing anew.
 """
 
 from __future__ import annotations
 
+import ast
+import functools
 import hashlib
 import os
 import sys
@@ -19,6 +22,9 @@ import numba
 FAST_MATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
+
+_HERE = os.path.dirname(os.path.abspath(__file__))
+_PACKAGE = "ibrpipe.core"
 
 
 def _cache_root() -> str:
@@ -32,18 +38,43 @@ def _cache_root() -> str:
     return os.path.join(base, "ibrpipe")
 
 
-def _source_digest() -> str:
-    here = os.path.dirname(os.path.abspath(__file__))
+@functools.cache
+def _imported_kernels(path: str) -> tuple[str, ...]:
+    """Files of the kernel modules that the module at `path` imports."""
+    with open(path, "rb") as source:
+        tree = ast.parse(source.read())
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module == _PACKAGE:
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith(_PACKAGE + "."):
+            names.add(str(node.module).rpartition(".")[2])
+        elif isinstance(node, ast.Import):
+            names.update(alias.name.rpartition(".")[2] for alias in node.names if alias.name.startswith(_PACKAGE + "."))
+    files = (os.path.join(_HERE, name + ".py") for name in sorted(names))
+    return tuple(file for file in files if os.path.exists(file))
+
+
+@functools.cache
+def _source_digest(path: str) -> str:
+    """Hash of the module at `path` and of all kernel modules that it needs, however indirectly."""
+    needed, queue = {path}, [path]
+    while queue:
+        fresh = set(_imported_kernels(queue.pop())) - needed
+        needed |= fresh
+        queue.extend(fresh)
     digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
-    for name in sorted(os.listdir(here)):
-        if name.endswith(".py"):
-            with open(os.path.join(here, name), "rb") as source:
-                digest.update(source.read())
+    for name in sorted(needed):
+        with open(name, "rb") as source:
+            digest.update(source.read())
     return digest.hexdigest()
 
 
-def _cache_folder() -> str | None:
-    folder = os.path.join(_cache_root(), "kernels-" + _source_digest())
+@functools.cache
+def _cache_folder(path: str) -> str | None:
+    """Folder for the compiled code of the module at `path`; None where nothing can be written."""
+    name = os.path.splitext(os.path.basename(path))[0]
+    folder = os.path.join(_cache_root(), f"{name}-{_source_digest(path)}")
     try:
         os.makedirs(folder, exist_ok=True)
         probe = os.path.join(folder, f".probe-{os.getpid()}")
@@ -55,15 +86,13 @@ def _cache_folder() -> str | None:
     return folder
 
 
-_FOLDER = _cache_folder()
-
-
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
     settings = {"fastmath": FAST_MATH, "error_model": "numpy", "nogil": True, **options}
-    if _FOLDER is None:
+    folder = _cache_folder(os.path.abspath(function.__code__.co_filename))
+    if folder is None:
         return numba.njit(**settings)(function)
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _FOLDER
+    numba.config.CACHE_DIR = folder
     try:
         return numba.njit(cache=True, **settings)(function)
     finally:
