@@ -9,7 +9,6 @@ camera's frame (OpenCV axes) that face the camera, 0 0 0 = unknown; confidence i
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -148,7 +147,7 @@ def write_map(path: Path, array: Array) -> None:
     with partial.open("wb") as target:
         target.write(f"{width}&{height}&{channels}&".encode("ascii"))
         target.write(np.ascontiguousarray(planes.transpose(2, 0, 1)).astype("<f4").tobytes())
-    os.replace(partial, path)
+    partial.replace(path)
 
 
 def write_workspace(workspace: Workspace, maps: Sequence[DepthMap]) -> None:
