@@ -2,6 +2,7 @@
 
 Layout: ``images/``, optional ``masks/``, ``sparse/0`` (COLMAP) or ``transforms.json`` (nerfstudio), optional
 ``mesh.ply|obj|glb|stl``, optional ``exposure.csv``, optional ``test/`` laid out alike with ``depth/*.exr|npy``.
+Cameras may also come from elsewhere: from the folder that the calibrate stage has written.
 """
 
 from __future__ import annotations
@@ -43,6 +44,9 @@ class CaptureOptions:
         What undistortion keeps.
     color_space : str or None
         Overrides what the photos declare.
+    cameras : Path or None
+        Folder whose ``sparse/0`` replaces the capture's cameras, and whose ``test/sparse/0`` those of ``test/``,
+        where they exist.
     """
 
     hold_out_every: int = 8
@@ -50,6 +54,7 @@ class CaptureOptions:
     orientation: Orientation = "auto"
     keep: Keep = "all"
     color_space: str | None = None
+    cameras: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +66,9 @@ class Capture:
     root : Path
     train, test : tuple of View
     mesh : Path or None
+    model : Path or None
+        Folder of the COLMAP model that the cameras of the photos (not those of ``test/``) come from; its sparse
+        points may be of use.
     exposure : {"none", "exif", "csv"}
         Where the gains come from.
     notes : tuple of str
@@ -71,6 +79,7 @@ class Capture:
     train: tuple[View, ...]
     test: tuple[View, ...]
     mesh: Path | None
+    model: Path | None
     exposure: str
     notes: tuple[str, ...]
 
@@ -97,8 +106,9 @@ def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Cap
         raise MissingFileError(f"{root}: is no folder; give a capture folder with images/ and cameras")
     root = root.resolve()
     notes: list[str] = []
-    shots, ply = _shots(root)
-    test_shots = _shots(root / "test")[0] if (root / "test").is_dir() else ()
+    model, test_model = _models(root, options.cameras)
+    shots, ply = _shots(root, model)
+    test_shots = _shots(root / "test", test_model)[0] if (root / "test").is_dir() else ()
     headers, test_headers = _headers(shots), _headers(test_shots)
     gains, exposure = _gains(root, shots + test_shots, headers + test_headers, options.exposure)
     train = _views(root, shots, headers, gains[: len(shots)], options, notes)
@@ -107,12 +117,25 @@ def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Cap
         test = tuple(replace(view, held_out=True) for view in test)
     else:
         train, test = _split(train, options.hold_out_every, notes)
-    return Capture(root, train, test, _mesh(root, ply, notes), exposure, tuple(notes))
+    return Capture(root, train, test, _mesh(root, ply, notes), model, exposure, tuple(notes))
 
 
-def _shots(root: Path) -> tuple[tuple[Shot, ...], Path | None]:
-    """Calibrated photos of a folder, from COLMAP's model if there is one, else from transforms.json."""
-    model, transforms = find_model(root), root / "transforms.json"
+def has_cameras(root: Path) -> bool:
+    """Say whether a capture folder, or its ``test/``, states cameras."""
+    return find_model(root) is not None or (root / "transforms.json").is_file()
+
+
+def _models(root: Path, cameras: Path | None) -> tuple[Path | None, Path | None]:
+    """COLMAP models of the photos and of ``test/``: those of `cameras` where it has them, else the capture's own."""
+    own = find_model(root), find_model(root / "test")
+    if cameras is None:
+        return own
+    return find_model(cameras) or own[0], find_model(cameras / "test") or own[1]
+
+
+def _shots(root: Path, model: Path | None) -> tuple[tuple[Shot, ...], Path | None]:
+    """Calibrated photos of a folder, from a COLMAP model if there is one, else from transforms.json."""
+    transforms = root / "transforms.json"
     if model is not None:
         ply = read_transforms(transforms)[1] if transforms.is_file() and not _mesh_files(root) else None
         return read_model(model, root / "images"), ply
@@ -120,7 +143,7 @@ def _shots(root: Path) -> tuple[tuple[Shot, ...], Path | None]:
         return read_transforms(transforms)
     raise CaptureError(
         f"{root}: no cameras found; expected a COLMAP model in sparse/0 or a transforms.json "
-        "(calibration from photos alone is not there yet)"
+        "(`ibrpipe calibrate` finds them from the photos alone)"
     )
 
 

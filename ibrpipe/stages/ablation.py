@@ -48,7 +48,7 @@ def measure(run: Path, config: ResidualsConfig) -> list[Row]:
     CaptureError
         The run has no held-out views, or its plan wants no residuals.
     """
-    sources = Sources(run / "ingest/views.json", run / "ingest/mesh.ply", run / "plan/plan.json", run / "layers")
+    sources = Sources(run / "ingest/views.json", run / "geometry/mesh.ply", run / "plan/plan.json", run / "layers")
     context, views = context_of(sources), read_views(sources.views).test
     wanted = [i for i, plan in enumerate(context.plans) if plan.residuals]
     if not views or not wanted:

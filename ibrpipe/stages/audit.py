@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,11 @@ _MARK = {"error": "ERROR", "warning": "warning", "note": "note"}
 
 @dataclass(frozen=True)
 class Audit:
-    """Findings, the figures behind them, and how many photos see the surface."""
+    """Findings, the figures behind them, and how many photos see the surface (None without a mesh)."""
 
     findings: tuple[Finding, ...]
     photos: tuple[PhotoFigures, ...]
-    surface: dict[str, Any] = field(default_factory=dict)
+    surface: dict[str, Any] | None = None
 
     @property
     def errors(self) -> tuple[Finding, ...]:
@@ -38,13 +38,14 @@ class Audit:
         return tuple(finding for finding in self.findings if finding.severity == "error")
 
 
-def audit_capture(capture: Capture, mesh: Mesh, limits: Limits | None = None) -> Audit:
-    """Look at every photo once and at the surface through all of them.
+def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = None) -> Audit:
+    """Look at every photo once and, where there is a mesh, at its surface through all of them.
 
     Parameters
     ----------
     capture : Capture
-    mesh : Mesh
+    mesh : Mesh or None
+        None: nothing is said of how well the surface is seen.
     limits : Limits, optional
 
     Returns
@@ -53,27 +54,24 @@ def audit_capture(capture: Capture, mesh: Mesh, limits: Limits | None = None) ->
     """
     limits = limits or Limits()
     findings = _count_findings(capture) + _pose_findings(capture.train, capture.test)
-    points, caster = spread_points(mesh, limits.samples), MeshCaster(mesh)
-    observers = np.zeros(len(points.position), np.int32)
+    surface = None if mesh is None else Surface(spread_points(mesh, limits.samples), MeshCaster(mesh))
     photos: list[PhotoFigures] = []
-    backs: list[float] = []
     for view in track(capture.train + capture.test, "audit"):
         try:
-            figures, seen, back = _look(view, points, caster)
+            figures = _look(view, surface)
         except (IbrError, MemoryError) as error:
             findings.append(damaged(view, error))
             continue
         if figures.covered == 0:
             findings.append(empty_mask(view))
         photos.append(figures)
-        backs.append(back)
-        observers += seen * (not view.held_out)
     findings += photo_findings(photos, limits)
-    surface = _surface(observers, points)
-    findings += _surface_findings(surface, photos, backs, capture, limits)
+    coverage = None if surface is None else surface.coverage()
+    if surface is not None and coverage is not None:
+        findings += _surface_findings(coverage, photos, surface.backs, capture, limits)
     findings += [Finding("note", "decided", capture.root.name, text, "this", "nothing to do") for text in capture.notes]
     order = {"error": 0, "warning": 1, "note": 2}
-    return Audit(tuple(sorted(findings, key=lambda finding: order[finding.severity])), tuple(photos), surface)
+    return Audit(tuple(sorted(findings, key=lambda finding: order[finding.severity])), tuple(photos), coverage)
 
 
 def stop_on_errors(audit: Audit) -> None:
@@ -112,7 +110,7 @@ def write_audit(audit: Audit, capture: Capture, folder: Path) -> tuple[Path, Pat
     document = {
         "findings": [asdict(finding) for finding in audit.findings],
         "photos": [_rounded(asdict(photo)) for photo in audit.photos],
-        "surface": _rounded(audit.surface),
+        "surface": None if audit.surface is None else _rounded(audit.surface),
     }
     data, text = folder / "audit.json", folder / "audit.txt"
     data.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
@@ -120,25 +118,40 @@ def write_audit(audit: Audit, capture: Capture, folder: Path) -> tuple[Path, Pat
     return data, text
 
 
-def _look(view: View, points: SurfacePoints, caster: MeshCaster) -> tuple[PhotoFigures, Array, float]:
+class Surface:
+    """A mesh, and what has been learnt of it from the photos looked at so far."""
+
+    def __init__(self, points: SurfacePoints, caster: MeshCaster) -> None:
+        self._points, self._caster = points, caster
+        self._observers = np.zeros(len(points.position), np.int32)
+        self.backs: list[float] = []
+
+    def look(self, view: View, mask: Array) -> tuple[float, float | None]:
+        """Take note of what a photo sees; return the share of the area, and how far mask and outline agree."""
+        seen = seen_points(self._points, view.camera, mask, self._caster)
+        overlap, backs = agreement(view.camera, mask, self._caster)
+        self.backs.append(backs)
+        self._observers += seen * (not view.held_out)
+        return float(seen.mean()), overlap if _masked(view) and math.isfinite(overlap) else None
+
+    def coverage(self) -> dict[str, Any]:
+        """Return the shares of the area by how many photos see it."""
+        return _surface(self._observers, self._points)
+
+
+def _masked(view: View) -> bool:
+    return view.mask is not None or view.mask_from_alpha
+
+
+def _look(view: View, surface: Surface | None) -> PhotoFigures:
     colour, mask = load_view(view)
     if view.depth is not None:
         load_depth(view)
     sharpness, clipped, black, covered = measure_photo(view, colour, mask)
-    seen = seen_points(points, view.camera, mask, caster)
-    overlap, backs = agreement(view.camera, mask, caster)
-    masked = view.mask is not None or view.mask_from_alpha
-    figures = PhotoFigures(
-        view.name,
-        view.held_out,
-        sharpness,
-        clipped,
-        black,
-        covered,
-        float(seen.mean()),
-        overlap if masked and math.isfinite(overlap) else None,
+    seen, overlap = (None, None) if surface is None else surface.look(view, mask)
+    return PhotoFigures(
+        view.name, view.held_out, sharpness, clipped, black, covered, seen, overlap, masked=_masked(view)
     )
-    return figures, seen, backs
 
 
 def _count_findings(capture: Capture) -> list[Finding]:

@@ -74,10 +74,11 @@ class AuditedPhoto(_Document):
     clipped: float = Field(description="Share of the mask's pixels with a channel at its top")
     black: float = Field(description="Share of the mask's pixels with all channels at the bottom")
     covered: Share = Field(description="Share of the picture that the mask keeps")
-    seen: Share = Field(description="Share of the surface's area that the photo sees")
+    seen: Share | None = Field(description="Share of the surface's area that the photo sees; null = no mesh")
     overlap: Share | None = Field(
-        description="Mask against the mesh's outline, intersection over union; null = no mask"
+        description="Mask against the mesh's outline, intersection over union; null = no mask or no mesh"
     )
+    masked: bool = Field(description="A mask or alpha says which pixels count")
 
 
 class AuditedSurface(_Document):
@@ -97,7 +98,25 @@ class Audit(_Document):
 
     findings: list[Finding] = Field(description="Worst first")
     photos: list[AuditedPhoto] = Field(description="All photos that could be read")
-    surface: AuditedSurface = Field(description="Coverage of the surface")
+    surface: AuditedSurface | None = Field(description="Coverage of the surface; null = no mesh")
+
+
+class Calibration(_Document):
+    """``calibrate/calibration.json``."""
+
+    schema_version: Literal[1] = Field(alias="schema", description="Version of this layout")
+    decision: Literal["given"] = Field(description="given = the capture's own cameras are used as they are")
+    reason: str = Field(description="Why, in words")
+
+
+class Geometry(_Document):
+    """``geometry/geometry.json``."""
+
+    schema_version: Literal[1] = Field(alias="schema", description="Version of this layout")
+    decision: Literal["given"] = Field(description="given = the capture's own mesh is used as it is")
+    reason: str = Field(description="Why, in words")
+    vertices: int = Field(ge=0, description="Vertices of mesh.ply")
+    faces: int = Field(ge=0, description="Faces of mesh.ply")
 
 
 class PlannedTexture(_Document):
@@ -217,7 +236,9 @@ class Run(_Document):
 DOCUMENTS: dict[str, tuple[type[BaseModel], str]] = {
     "asset": (AssetIndex, "asset/asset.json"),
     "audit": (Audit, "ingest/audit.json"),
+    "calibration": (Calibration, "calibrate/calibration.json"),
     "frames": (Frames, "render/frames.json"),
+    "geometry": (Geometry, "geometry/geometry.json"),
     "layers": (Layers, "layers/layers.json"),
     "plan": (Plan, "plan/plan.json"),
     "residuals": (Residuals, "residuals/residuals.json"),

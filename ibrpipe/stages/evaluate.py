@@ -160,7 +160,7 @@ STAGE = Stage(
     inputs=Inputs,
     config=EvaluateConfig,
     run=run,
-    needs=("ingest", "plan", "asset", "render"),
+    needs=("ingest", "geometry", "plan", "asset", "render"),
     example="ibrpipe evaluate --out runs/vase",
     folder="report",
 )

@@ -1,4 +1,4 @@
-"""Stage ingest: a capture folder in, checked views and a clean mesh out.
+"""Stage ingest: a capture folder in, checked views out, with a clean mesh and sparse points where there are any.
 
 Everything that can be wrong with a capture is looked for here, before anything expensive runs.
 """
@@ -63,10 +63,11 @@ class IngestConfig(StageConfig):
 
 @dataclass(frozen=True)
 class Inputs:
-    """A capture folder and the folder to write to."""
+    """A capture folder, the folder to write to, and what the calibrate stage has found."""
 
     capture: Path
     out: Path
+    calibration: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -74,13 +75,13 @@ class Outputs:
     """What ingest writes."""
 
     views: Path
-    mesh: Path
+    mesh: Path | None
     audit: Path
     summary: Path
 
 
 def run(inputs: Inputs, config: IngestConfig) -> Outputs:
-    """Check a capture and write ``views.json``, ``mesh.ply``, ``audit.json`` and ``audit.txt``.
+    """Check a capture and write ``views.json``, ``audit.json``, ``audit.txt``, and ``mesh.ply`` where a mesh is given.
 
     Raises
     ------
@@ -88,26 +89,29 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
         The capture cannot be used; the message says why and what to do.
     """
     options = CaptureOptions(
-        config.hold_out_every, config.exposure, config.orientation, config.undistort, config.color_space
+        config.hold_out_every,
+        config.exposure,
+        config.orientation,
+        config.undistort,
+        config.color_space,
+        inputs.calibration,
     )
     capture = _shrunk(read_capture(inputs.capture, options), config.max_pixels)
     mesh = _mesh(capture)
     audit = audit_capture(capture, mesh, _limits(config))
     stop_on_errors(audit)
     inputs.out.mkdir(parents=True, exist_ok=True)
-    views, surface = inputs.out / "views.json", inputs.out / "mesh.ply"
-    write_mesh(mesh, surface)
+    views, surface = inputs.out / "views.json", None if mesh is None else inputs.out / "mesh.ply"
+    if mesh is not None and surface is not None:
+        write_mesh(mesh, surface)
     write_views(_view_set(capture, surface), views)
     findings, text = write_audit(audit, capture, inputs.out)
     return Outputs(views, surface, findings, text)
 
 
-def _mesh(capture: Capture) -> Mesh:
+def _mesh(capture: Capture) -> Mesh | None:
     if capture.mesh is None:
-        raise CaptureError(
-            f"{capture.root}: no mesh found; expected mesh.ply, .obj, .glb or .stl "
-            "(geometry from photos is not there yet: give a mesh)"
-        )
+        return None
     try:
         return read_mesh(capture.mesh)
     except FormatError as error:
@@ -123,7 +127,7 @@ def _shrunk(capture: Capture, max_pixels: int | None) -> Capture:
     return replace(capture, train=train, test=tuple(shrink_view(view, max_pixels) for view in capture.test))
 
 
-def _view_set(capture: Capture, mesh: Path) -> ViewSet:
+def _view_set(capture: Capture, mesh: Path | None) -> ViewSet:
     info = {"capture": str(capture.root), "exposure": capture.exposure, "notes": list(capture.notes)}
     return ViewSet(capture.train, capture.test, mesh, info)
 
@@ -140,10 +144,10 @@ def shrink_view(view: View, max_pixels: int | None) -> View:
 
 STAGE = Stage(
     name="ingest",
-    summary="Check a capture folder and turn its photos, cameras and mesh into views that every later stage reads.",
+    summary="Check a capture folder and turn its photos and cameras into views that every later stage reads.",
     inputs=Inputs,
     config=IngestConfig,
     run=run,
-    needs=("capture",),
+    needs=("capture", "calibrate"),
     example="ibrpipe ingest captures/shiny_vase --out runs/vase",
 )

@@ -227,7 +227,7 @@ STAGE = Stage(
     inputs=Inputs,
     config=LayersConfig,
     run=run,
-    needs=("ingest", "plan"),
-    example="ibrpipe layers --views out/ingest/views.json --mesh out/ingest/mesh.ply --plan out/plan/plan.json "
+    needs=("ingest", "geometry", "plan"),
+    example="ibrpipe layers --views out/ingest/views.json --mesh out/geometry/mesh.ply --plan out/plan/plan.json "
     "--out out",
 )

@@ -34,10 +34,10 @@ class PhotoFigures:
         Share of the mask's pixels with a channel at its top, with all channels at the bottom.
     covered : float
         Share of the picture that the mask keeps.
-    seen : float
-        Share of the surface's area that the photo sees.
+    seen : float or None
+        Share of the surface's area that the photo sees; None without a mesh.
     overlap : float or None
-        Mask against the mesh's outline, intersection over union; None without a mask.
+        Mask against the mesh's outline, intersection over union; None without a mask or a mesh.
     """
 
     name: str
@@ -46,8 +46,9 @@ class PhotoFigures:
     clipped: float
     black: float
     covered: float
-    seen: float
+    seen: float | None
     overlap: float | None
+    masked: bool = False
 
 
 def measure_photo(view: View, colour: Array, mask: Array) -> tuple[float, float, float, float]:
@@ -103,7 +104,7 @@ def photo_findings(photos: Sequence[PhotoFigures], limits: Limits) -> list[Findi
             findings.append(
                 Finding("warning", "clipped", photo.name, text, expected, "expose less, or keep the raw file")
             )
-        if photo.black > limits.black and photo.overlap is not None:  # without a mask, black is the background
+        if photo.black > limits.black and photo.masked:  # without a mask, black is the background
             text, expected = f"{photo.black:.1%} of its pixels are black", f"at most {limits.black:.0%}"
             findings.append(Finding("warning", "black", photo.name, text, expected, "expose more, or correct the mask"))
         if photo.seen == 0 and photo.covered > 0:

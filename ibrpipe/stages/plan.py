@@ -284,6 +284,6 @@ STAGE = Stage(
     inputs=Inputs,
     config=PlanConfig,
     run=run,
-    needs=("ingest",),
-    example="ibrpipe plan --views out/ingest/views.json --mesh out/ingest/mesh.ply --out out",
+    needs=("ingest", "geometry"),
+    example="ibrpipe plan --views out/ingest/views.json --mesh out/geometry/mesh.ply --out out",
 )

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 #: stage -> (where its `Stage` object is, what the list of commands says of it)
 STAGES: dict[str, tuple[str, str]] = {
+    "calibrate": ("ibrpipe.stages.calibrate:STAGE", "Find the cameras of photos that come without."),
     "ingest": ("ibrpipe.stages.ingest:STAGE", "Read and check a capture folder."),
+    "geometry": ("ibrpipe.stages.geometry:STAGE", "Take the given mesh, or make one from the photos."),
     "plan": ("ibrpipe.stages.plan:STAGE", "Decide what to model, at which resolution, and why."),
     "layers": ("ibrpipe.stages.layers:STAGE", "Make layered depth images with diffuse colour."),
     "residuals": ("ibrpipe.stages.residuals:STAGE", "Model what changes with the view direction."),

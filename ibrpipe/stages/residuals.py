@@ -231,7 +231,7 @@ STAGE = Stage(
     inputs=Inputs,
     config=ResidualsConfig,
     run=run,
-    needs=("ingest", "plan", "layers"),
-    example="ibrpipe residuals --views out/ingest/views.json --mesh out/ingest/mesh.ply --plan out/plan/plan.json "
+    needs=("ingest", "geometry", "plan", "layers"),
+    example="ibrpipe residuals --views out/ingest/views.json --mesh out/geometry/mesh.ply --plan out/plan/plan.json "
     "--layers out/layers --out out",
 )

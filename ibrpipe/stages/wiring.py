@@ -13,8 +13,11 @@ from ibrpipe.stages.stage import Stage
 
 #: input name -> path below the run folder
 PLACES = {
+    "calibration": "calibrate",
     "views": "ingest/views.json",
-    "mesh": "ingest/mesh.ply",
+    "given": "ingest/mesh.ply",
+    "points": "ingest/points.npz",
+    "mesh": "geometry/mesh.ply",
     "plan": "plan/plan.json",
     "layers": "layers",
     "residuals": "residuals",
@@ -25,8 +28,11 @@ PLACES = {
 
 #: what the inputs are, for --help
 MEANING = {
-    "capture": "Capture folder: images, cameras, mesh.",
+    "capture": "Capture folder: images; cameras and mesh where there are any.",
+    "calibration": "Folder of the calibrate stage.",
     "views": "views.json of the ingest stage.",
+    "given": "The capture's own mesh (PLY).",
+    "points": "Sparse points of the calibration (NPZ).",
     "mesh": "Mesh of the object (PLY).",
     "plan": "plan.json of the plan stage.",
     "layers": "Folder of the layers stage.",

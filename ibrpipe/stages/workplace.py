@@ -30,6 +30,26 @@ def whole_folder(target: Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
 
 
+def kept_folder(target: Path, key: str) -> Path:
+    """Return a hidden folder beside a stage's own, for half-done work that outlives a stop: a later run resumes.
+
+    Parameters
+    ----------
+    target : Path
+        The folder that the stage fills, under its final or its temporary name.
+    key : str
+        What the work depends on. Work of another key is removed first.
+    """
+    name = target.name.removeprefix(".").removesuffix(".partial")
+    folder = target.with_name(f".{name}.work")
+    mark = folder / "key"
+    if not mark.is_file() or mark.read_text(encoding="utf-8") != key:
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        mark.write_text(key, encoding="utf-8")
+    return folder
+
+
 def remove_stale(target: Path) -> None:
     """Remove what a killed run left next to `target`, and put an older result back that it had set aside."""
     aside = target.with_name(f".{target.name}.old")

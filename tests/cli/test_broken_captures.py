@@ -136,7 +136,6 @@ BROKEN = {
         "is 96 x 70 pixels but photo",
     ),
     "mask that is text": (lambda c: (c / "masks/006.png").write_text("hello"), "006.png: cannot be read as an image"),
-    "no mesh": (lambda c: (c / "mesh.ply").unlink(), "no mesh found; expected mesh.ply.*give a mesh"),
     "mesh without faces": (lambda c: mesh_text(c, CORNERS, []), "no triangles; give a surface"),
     "mesh with NaN": (lambda c: mesh_text(c, [("nan", 0, 0), *CORNERS[1:]], [(0, 1, 2)]), "NaN or infinite"),
     "mesh index out of range": (lambda c: mesh_text(c, CORNERS, [(0, 1, 9)]), "names vertex 9 of 3"),

@@ -18,7 +18,7 @@ from click.testing import CliRunner, Result
 from ibrpipe.cli.main import cli
 from ibrpipe.stages.documents import DOCUMENTS
 from ibrpipe.stages.metrics import read_metrics
-from ibrpipe.stages.registry import STAGES
+from ibrpipe.stages.registry import STAGES, load_stage
 
 FAST = ["plan.samples=2000", "plan.residuals=always", "plan.k=0.125", "render.repeats=1", "evaluate.timing_width=64"]
 FAST += ["evaluate.timing_repeats=1", "evaluate.timing_views=1", "evaluate.report_views=1"]
@@ -62,7 +62,7 @@ def test_metrics_hold_every_stage_and_baseline(finished: Path) -> None:
 
 
 def test_nothing_is_left_beside_the_results(finished: Path) -> None:
-    places = {"ingest", "plan", "layers", "residuals", "asset", "render", "report", "run.json", ".hashes.json"}
+    places = {load_stage(name).place for name in STAGES} | {"run.json", ".hashes.json"}
     assert {path.name for path in finished.iterdir()} == places
 
 
@@ -92,7 +92,7 @@ def test_single_stage_writes_the_same_as_the_run(finished: Path, copy: Path) -> 
 def test_no_byte_depends_on_the_number_of_workers(finished: Path, tmp_path: Path, tiny_glossy: Path) -> None:
     result = run(tmp_path / "one", "--capture", tiny_glossy, "--workers", 1, "--until", "asset")
     assert result.exit_code == 0, result.output
-    for stage in ("ingest", "plan", "layers", "residuals", "asset"):
+    for stage in ("calibrate", "ingest", "geometry", "plan", "layers", "residuals", "asset"):
         assert digests(tmp_path / "one" / stage) == digests(finished / stage), stage
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ibrpipe.stages import ingest, layers, plan
+from ibrpipe.stages import geometry, ingest, layers, plan
 from ibrpipe.stages.ablation import around, as_table, main
 
 
@@ -17,10 +17,12 @@ from ibrpipe.stages.ablation import around, as_table, main
 def run_folder(tiny_ball: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Ingest, plan and layers of the glossy ball, coarse."""
     root = tmp_path_factory.mktemp("run")
-    for name in ("ingest", "plan", "layers"):
+    for name in ("ingest", "geometry", "plan", "layers"):
         (root / name).mkdir()
     ingest.run(ingest.Inputs(tiny_ball, root / "ingest"), ingest.IngestConfig())
-    views, mesh = root / "ingest/views.json", root / "ingest/mesh.ply"
+    views, mesh = root / "ingest/views.json", root / "geometry/mesh.ply"
+    inputs = geometry.Inputs(views, 0, root / "geometry", root / "ingest/mesh.ply")
+    geometry.run(inputs, geometry.GeometryConfig())
     settings = plan.PlanConfig(residuals="always", k=1 / 8, samples=2000)
     plan.run(plan.Inputs(views, mesh, 0, root / "plan"), settings)
     layers.run(layers.Inputs(views, mesh, root / "plan/plan.json", root / "layers"), layers.LayersConfig())

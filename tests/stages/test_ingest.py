@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ibrpipe.errors import CaptureError
 from ibrpipe.io.captures import read_capture
 from ibrpipe.io.images import read_image, write_png
 from ibrpipe.io.meshes import read_mesh
@@ -44,9 +45,50 @@ def test_everything_is_written(capture, tmp_path):
 
 
 def test_same_capture_same_bytes(capture, tmp_path):
-    first = {path.name: path.read_bytes() for path in vars(ingest(capture, tmp_path)).values()}
-    again = {path.name: path.read_bytes() for path in vars(ingest(capture, tmp_path)).values()}
+    first = {path.name: path.read_bytes() for path in vars(ingest(capture, tmp_path)).values() if path}
+    again = {path.name: path.read_bytes() for path in vars(ingest(capture, tmp_path)).values() if path}
     assert first == again
+
+
+def test_without_a_mesh_the_photos_are_audited_all_the_same(capture, tmp_path):
+    (capture / "mesh.ply").unlink()
+    (capture / "transforms.json").unlink()
+    write_png(capture / "images/002.png", read_image(capture / "images/002.png") * 1e-4)
+    outputs = ingest(capture, tmp_path)
+    assert outputs.mesh is None
+    assert read_views(outputs.views).mesh is None
+    document = json.loads(outputs.audit.read_text(encoding="utf-8"))
+    assert document["surface"] is None
+    assert {(photo["seen"], photo["overlap"], photo["masked"]) for photo in document["photos"]} == {(None, None, True)}
+    assert [finding["file"] for finding in findings(outputs, "black")] == ["002"]
+    assert not (tmp_path / "out/mesh.ply").exists()
+
+
+def test_a_calibration_replaces_the_cameras(capture, tmp_path):
+    calibration = tmp_path / "calibrate"
+    shutil.move(capture / "sparse", calibration / "sparse")
+    shutil.move(capture / "test/sparse", calibration / "test/sparse")
+    for place in (capture, capture / "test"):
+        (place / "transforms.json").unlink()
+    out = tmp_path / "out"
+    out.mkdir()
+    with pytest.raises(CaptureError, match=r"no cameras found.*ibrpipe calibrate"):
+        run(Inputs(capture, out), IngestConfig())
+    views = read_views(run(Inputs(capture, out, calibration), IngestConfig()).views)
+    assert (len(views.train), len(views.test)) == (14, 3)
+    assert all(view.image.parent == capture / "images" for view in views.train)
+
+
+def test_a_calibration_comes_before_the_cameras_of_the_capture(capture, tmp_path):
+    calibration = tmp_path / "calibrate"
+    shutil.copytree(capture / "sparse", calibration / "sparse")
+    cameras = calibration / "sparse/0/cameras.txt"
+    cameras.write_text(cameras.read_text().replace(" 125.5", " 225.5"))
+    out = tmp_path / "out"
+    out.mkdir()
+    views = read_views(run(Inputs(capture, out, calibration), IngestConfig()).views)
+    assert int(views.train[0].camera.K[0, 0]) == 225
+    assert int(views.test[0].camera.K[0, 0]) == 125
 
 
 def test_the_mesh_fits_the_masks_of_every_photo(capture, tmp_path):
@@ -175,6 +217,6 @@ def test_a_distorted_capture_agrees_with_its_mesh(capture, tmp_path):
 
 def test_the_stage_is_what_the_runner_expects():
     assert STAGE.name == STAGE.place == "ingest"
-    assert STAGE.needs == ("capture",)
-    assert set(Inputs.__dataclass_fields__) == {"capture", "out"}
+    assert STAGE.needs == ("capture", "calibrate")
+    assert set(Inputs.__dataclass_fields__) == {"capture", "calibration", "out"}
     assert all(field.description for field in IngestConfig.model_fields.values())
