@@ -63,13 +63,20 @@ def read_model(folder: Path, images: Path) -> tuple[Shot, ...]:
     lenses = dict((_cameras_text if text else _cameras_binary)(folder / f"cameras{suffix}"))
     source = folder / f"images{suffix}"
     shots = []
-    for where, name, camera, numbers in (_images_text if text else _images_binary)(source):
+    for where, _, name, camera, numbers in (_images_text if text else _images_binary)(source):
         if camera not in lenses:
             raise FormatError(f"{where}: photo {name} names camera {camera}, which cameras{suffix} does not hold")
         shots.append(Shot(name, images / name, lenses[camera], _pose(numbers, f"{where}: the pose of {name}")))
     if not shots:
         raise CaptureError(f"{source}: the COLMAP model has no image with a pose; calibrate the photos first")
     return tuple(sorted(shots, key=lambda shot: shot.file))
+
+
+def image_names(folder: Path) -> dict[int, str]:
+    """Return the names of all images of a COLMAP model by their numbers; raises as `read_model`."""
+    binary = folder / "images.bin"
+    images = _images_binary(binary) if binary.is_file() else _images_text(folder / "images.txt")
+    return {key: name for _, key, name, _, _ in images}
 
 
 def _pose(numbers: tuple[float, ...], what: str) -> Array:
@@ -96,7 +103,7 @@ def _lens(where: str, model: str, params: tuple[float, ...], width: int, height:
         raise CaptureError(f"{where}: {error}") from error
 
 
-def _lines(path: Path) -> list[tuple[str, str]]:
+def text_lines(path: Path) -> list[tuple[str, str]]:
     """Lines that are no comments, each with the words that say where it is."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -106,7 +113,7 @@ def _lines(path: Path) -> list[tuple[str, str]]:
 
 
 def _cameras_text(path: Path) -> Iterator[tuple[int, Lens]]:
-    for where, line in _lines(path):
+    for where, line in text_lines(path):
         words = line.split()
         if not words:
             continue
@@ -118,33 +125,35 @@ def _cameras_text(path: Path) -> Iterator[tuple[int, Lens]]:
         yield key, _lens(where, words[1], params, width, height)
 
 
-def _images_text(path: Path) -> Iterator[tuple[str, str, int, tuple[float, ...]]]:
+def _images_text(path: Path) -> Iterator[tuple[str, int, str, int, tuple[float, ...]]]:
     """Every image takes two lines: itself, then its points (may be empty)."""
-    lines = iter(_lines(path))
+    lines = iter(text_lines(path))
     for where, line in lines:
         if not line:
             continue
         words = line.split(maxsplit=9)
         try:
-            name, camera = words[9], int(words[8])
+            key, name, camera = int(words[0]), words[9], int(words[8])
             numbers = tuple(float(word) for word in words[1:8])
         except (ValueError, IndexError) as error:
             raise FormatError(f"{where}: expected {_IMAGE_LINE}, got {line[:80]!r}") from error
-        yield where, name, camera, numbers
+        yield where, key, name, camera, numbers
         next(lines, None)
 
 
-class _Cursor:
+class Cursor:
     """Reads numbers one after the other and says where a file ends too early."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.data, self.at = path, path.read_bytes(), 0
 
     def take(self, layout: str) -> tuple[Any, ...]:
+        """Read little-endian values of a `struct` layout."""
         start = self.skip(struct.calcsize(f"<{layout}"))
         return struct.unpack_from(f"<{layout}", self.data, start)
 
     def skip(self, size: int) -> int:
+        """Move on by `size` bytes; return where they start."""
         start, self.at = self.at, self.at + size
         if self.at > len(self.data):
             raise FormatError(
@@ -154,6 +163,7 @@ class _Cursor:
         return start
 
     def word(self) -> str:
+        """Read text that ends with a zero byte."""
         end = self.data.find(b"\0", self.at)
         start = self.skip((end if end >= 0 else len(self.data)) - self.at + 1)
         try:
@@ -165,7 +175,7 @@ class _Cursor:
 
 
 def _cameras_binary(path: Path) -> Iterator[tuple[int, Lens]]:
-    cursor = _Cursor(path)
+    cursor = Cursor(path)
     for _ in range(cursor.take("Q")[0]):
         key, model, width, height = cursor.take("IiQQ")
         where = f"{path}, camera {key}"
@@ -176,10 +186,10 @@ def _cameras_binary(path: Path) -> Iterator[tuple[int, Lens]]:
         yield key, _lens(where, name, cursor.take(f"{count}d"), width, height)
 
 
-def _images_binary(path: Path) -> Iterator[tuple[str, str, int, tuple[float, ...]]]:
-    cursor = _Cursor(path)
+def _images_binary(path: Path) -> Iterator[tuple[str, int, str, int, tuple[float, ...]]]:
+    cursor = Cursor(path)
     for _ in range(cursor.take("Q")[0]):
         key, *numbers, camera = cursor.take("I7dI")
         name = cursor.word()
         cursor.skip(cursor.take("Q")[0] * _POINT_BYTES)
-        yield f"{path}, image {key}", name, camera, tuple(numbers)
+        yield f"{path}, image {key}", key, name, camera, tuple(numbers)

@@ -16,6 +16,7 @@ from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, read_capture
 from ibrpipe.io.lenses import Keep
 from ibrpipe.io.meshes import read_mesh, write_mesh
+from ibrpipe.io.points import points_of_views, write_points
 from ibrpipe.io.views import View, ViewSet, write_views
 from ibrpipe.stages.audit import audit_capture, stop_on_errors, write_audit
 from ibrpipe.stages.findings import Limits
@@ -81,7 +82,7 @@ class Outputs:
 
 
 def run(inputs: Inputs, config: IngestConfig) -> Outputs:
-    """Check a capture and write ``views.json``, ``audit.json``, ``audit.txt``, and ``mesh.ply`` where a mesh is given.
+    """Check a capture; write ``views.json``, ``audit.*``, and ``mesh.ply`` and ``points.npz`` where there are any.
 
     Raises
     ------
@@ -104,6 +105,9 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
     views, surface = inputs.out / "views.json", None if mesh is None else inputs.out / "mesh.ply"
     if mesh is not None and surface is not None:
         write_mesh(mesh, surface)
+    points = None if capture.model is None else points_of_views(capture.model, capture.root / "images", capture.train)
+    if points is not None:
+        write_points(points, inputs.out / "points.npz")
     write_views(_view_set(capture, surface), views)
     findings, text = write_audit(audit, capture, inputs.out)
     return Outputs(views, surface, findings, text)

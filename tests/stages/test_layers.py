@@ -236,5 +236,5 @@ def test_display_codes_below_one_and_light_above():
 def test_the_stage_is_wired():
     from ibrpipe.stages.layers import STAGE
 
-    assert (STAGE.name, STAGE.needs) == ("layers", ("ingest", "plan"))
+    assert (STAGE.name, STAGE.needs) == ("layers", ("ingest", "geometry", "plan"))
     assert plan_stage.STAGE.name == "plan"
