@@ -26,10 +26,10 @@ from ibrpipe.io.views import View, load_view, read_views
 from ibrpipe.renderers import residual_pass
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.stages.baselines import camera_rays, render_ulr
+from ibrpipe.stages.diffuse import diffuse_frame
 from ibrpipe.stages.executor import executor
 from ibrpipe.stages.plan import TexturePlan
 from ibrpipe.stages.rectangles import passed
-from ibrpipe.stages.refine import diffuse_frame
 from ibrpipe.stages.residual_units import Context, Sources, context_of, forget
 from ibrpipe.stages.residuals import ResidualsConfig, Samples, assemble, code, refine, sample, uncoded
 from ibrpipe.stages.scores import psnr, to_srgb8
@@ -162,7 +162,7 @@ def _on_mesh(context: Context, residuals: Residuals) -> Shot:
     tables = _tables(context, residuals)
 
     def shot(camera: Camera) -> Array:
-        color, depth, _ = diffuse_frame(context, camera)
+        color, depth, _ = diffuse_frame(context.caster, context.diffuse, camera)
         residual_pass.add(tables, color, depth, camera)
         return color
 

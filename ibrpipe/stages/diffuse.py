@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrpipe.core.diffuse_lookup import lookup_diffuse
+from ibrpipe.embree import MeshCaster
 from ibrpipe.stages.rectangles import Rectangle
 from ibrpipe.types import Array, Camera, LayeredDepthImage
 
@@ -36,6 +37,20 @@ class DiffuseSource:
             self._observers, color
         )  # fmt: skip
         return color
+
+
+def diffuse_frame(caster: MeshCaster, diffuse: DiffuseSource, camera: Camera) -> tuple[Array, Array, Array]:
+    """Diffuse colour (H, W, 3) float32 linear at the mesh's surface, depth (H, W) float32, and where it is known."""
+    hits = caster.cast_camera(camera)
+    hit = np.isfinite(hits.t)
+    row, column = np.nonzero(hit)
+    rays = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], axis=1) @ camera.world_from_pixel.T
+    points = camera.center + hits.t[hit][:, None].astype(np.float64) * rays
+    found = diffuse.at(points, caster.smooth_normals(hits.face[hit], hits.uv[hit]))
+    color, known = np.zeros((*hit.shape, 3), np.float32), np.zeros(hit.shape, bool)
+    known[hit] = np.isfinite(found).all(axis=1)
+    color[hit] = np.nan_to_num(found)
+    return color, hits.t.astype(np.float32), known
 
 
 def _projection(layers: LayeredDepthImage) -> Array:

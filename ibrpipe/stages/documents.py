@@ -172,6 +172,9 @@ class Layers(_Document):
     """``layers/layers.json``."""
 
     textures: list[LayersFigures] = Field(description="All textures, in the order of the plan")
+    training_psnr: list[float] = Field(
+        description="PSNR of diffuse colours on the training photos, before every round of sharpening and at last, dB"
+    )
 
 
 class ResidualsFigures(BaseModel):

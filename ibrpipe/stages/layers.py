@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,6 +20,7 @@ from ibrpipe.progress import track
 from ibrpipe.stages.photos import PhotoSet, load_photos
 from ibrpipe.stages.plan import TexturePlan, read_plan
 from ibrpipe.stages.rectangles import Rectangle, distinct
+from ibrpipe.stages.sharpen import sharpen
 from ibrpipe.stages.stage import Stage
 from ibrpipe.types import Array, LayeredDepthImage
 
@@ -42,6 +43,13 @@ class LayersConfig(StageConfig):
         "auto",
         description="Depth levels over each texture's depth range; auto: as many as make a step at most a sixteenth of "
         "a texel, 32 keeps float32",
+    )
+    sharpen: int = Field(
+        1,
+        ge=0,
+        le=5,
+        description="Rounds in which the training photos' errors are carried back into the diffuse colours of textures "
+        "without residuals; 0 = none",
     )
 
 
@@ -85,7 +93,7 @@ def keep_rule(
 def build_layers(
     which: int, plans: Sequence[TexturePlan], caster: MeshCaster, photos: PhotoSet, config: LayersConfig
 ) -> tuple[LayeredDepthImage, dict[str, Any]]:
-    """Cast one texture's rays, keep the surfaces that belong to it, and colour them from the photos.
+    """Cast one texture's rays, keep the surfaces that belong to it, and colour them from the photos, unrounded.
 
     Returns
     -------
@@ -111,8 +119,6 @@ def build_layers(
     texel = float(np.linalg.norm(plan.rectangle.u)) / plan.rectangle.width
     depth = quantize(depth, enough_bits(depth, texel) if config.depth_bits == "auto" else config.depth_bits)
     normals = np.round(normals * NORMAL_STEPS) / np.float32(NORMAL_STEPS)
-    if config.color_bits == 8:
-        color = round_to_display(color)
     height, width = plan.rectangle.height, plan.rectangle.width
     flat = np.searchsorted(ray, np.arange(height * width + 1)).astype(np.int64)
     offsets = np.concatenate([flat[:-1].reshape(height, width), flat[width::width][:, None]], axis=1)
@@ -172,6 +178,11 @@ def quantize(depth: Array, bits: int) -> Array:
     return (np.round(depth.astype(np.float64) / step) * step).astype(np.float32)
 
 
+def rounded(layers: LayeredDepthImage, color_bits: int) -> LayeredDepthImage:
+    """Round the colours as they are stored: 8-bit sRGB codes, or half floats (by the file) for 16 bits."""
+    return replace(layers, color=round_to_display(layers.color)) if color_bits == 8 else layers
+
+
 def round_to_display(color: Array) -> Array:
     """Round linear colours to the nearest 8-bit sRGB code below 1; brighter ones stay."""
     from ibrpipe.core.color import srgb_decode, srgb_encode
@@ -208,16 +219,20 @@ def run(inputs: Inputs, config: LayersConfig) -> Outputs:
     views = read_views(inputs.views)
     caster = MeshCaster(read_mesh(inputs.mesh))
     photos = load_photos(views.train, caster)
+    built = [build_layers(which, plans, caster, photos, config) for which in track(range(len(plans)), "layers")]
+    layered, plain = [layers for layers, _ in built], [not plan.residuals for plan in plans]
+    rectangles, statistic = [plan.rectangle for plan in plans], STATISTICS[config.statistic]
+    sharp, psnr = sharpen(rectangles, layered, plain, caster, photos, config.sharpen, statistic)
     figures, folders = [], []
-    for which in track(range(len(plans)), "layers"):
-        layers, figure = build_layers(which, plans, caster, photos, config)
+    for which, (layers, (_, figure)) in enumerate(zip(sharp, built, strict=True)):
         folder = inputs.out / f"texture_{which:02d}"
         folder.mkdir(parents=True, exist_ok=True)
-        write_layers(layers, folder / "layers.exr")
+        write_layers(rounded(layers, config.color_bits), folder / "layers.exr")
         figures.append({**figure, "bytes": (folder / "layers.exr").stat().st_size})
         folders.append(folder)
     summary = inputs.out / "layers.json"
-    summary.write_text(json.dumps({"textures": figures}, indent=1), encoding="utf-8")
+    content = {"textures": figures, "training_psnr": [round(value, 3) for value in psnr]}
+    summary.write_text(json.dumps(content, indent=1), encoding="utf-8")
     return Outputs(summary, tuple(folders))
 
 

@@ -51,7 +51,7 @@ class PlanConfig(StageConfig):
         le=90,
         description="Surfaces tilted further than this (degrees) go to a texture that faces them better",
     )
-    max_layers: int = Field(16, ge=1, le=256, description="Layers per texture at the most")
+    max_layers: int = Field(64, ge=1, le=256, description="Layers per texture at the most")
     residuals: Literal["auto", "always", "never"] = Field(
         "auto", description="auto: only where diffuse colour errs by min_error and they mend it by min_gain"
     )

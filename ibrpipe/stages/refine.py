@@ -16,8 +16,9 @@ import numpy as np
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.progress import track
 from ibrpipe.renderers import residual_pass
+from ibrpipe.stages.diffuse import diffuse_frame
 from ibrpipe.stages.residual_units import Context
-from ibrpipe.types import Array, Camera, SpiralTexture
+from ibrpipe.types import Array, SpiralTexture
 
 
 def photo_errors(context: Context, textures: Sequence[SpiralTexture]) -> tuple[Array, float]:
@@ -39,7 +40,7 @@ def photo_errors(context: Context, textures: Sequence[SpiralTexture]) -> tuple[A
     photos = context.photos
     errors, total, count = np.zeros_like(photos.code), 0.0, 0
     for p, camera in enumerate(track(photos.cameras, "refinement")):
-        color, depth, known = diffuse_frame(context, camera)
+        color, depth, known = diffuse_frame(context.caster, context.diffuse, camera)
         residual_pass.add(tables, color, depth, camera)
         own = slice(photos.starts[p], photos.starts[p] + depth.size)
         good = known.ravel() & (photos.mask[own] >= 0.5)
@@ -48,17 +49,3 @@ def photo_errors(context: Context, textures: Sequence[SpiralTexture]) -> tuple[A
         total += float((errors[own].astype(np.float64) ** 2).sum())
         count += 3 * int(good.sum())
     return errors, float(-10.0 * np.log10(total / count)) if total > 0 else float("inf")
-
-
-def diffuse_frame(context: Context, camera: Camera) -> tuple[Array, Array, Array]:
-    """Diffuse colour (H, W, 3) float32 linear at the mesh's surface, depth (H, W) float32, and where it is known."""
-    hits = context.caster.cast_camera(camera)
-    hit = np.isfinite(hits.t)
-    row, column = np.nonzero(hit)
-    rays = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], axis=1) @ camera.world_from_pixel.T
-    points = camera.center + hits.t[hit][:, None].astype(np.float64) * rays
-    found = context.diffuse.at(points, context.caster.smooth_normals(hits.face[hit], hits.uv[hit]))
-    color, known = np.zeros((*hit.shape, 3), np.float32), np.zeros(hit.shape, bool)
-    known[hit] = np.isfinite(found).all(axis=1)
-    color[hit] = np.nan_to_num(found)
-    return color, hits.t.astype(np.float32), known
