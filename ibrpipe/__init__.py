@@ -10,7 +10,10 @@ from ibrpipe.version import VERSION as __version__
 if TYPE_CHECKING:
     from ibrpipe.io.assets import read_asset, write_asset
     from ibrpipe.io.captures import read_capture
+    from ibrpipe.io.materials import read_relief_mesh
+    from ibrpipe.relief_mesh import ReliefMesh
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
+    from ibrpipe.renderers.composite import composite
     from ibrpipe.types import (
         Asset,
         Camera,
@@ -30,13 +33,16 @@ _HOME = {
     "Frame": "types",
     "LayeredDepthImage": "types",
     "ParallelFrame": "types",
+    "ReliefMesh": "relief_mesh",
     "ReliefTexture": "types",
     "SpiralResiduals": "types",
     "SpiralTexture": "types",
     "Prepared": "renderers.api",
+    "composite": "renderers.composite",
     "prepare": "renderers.api",
     "read_asset": "io.assets",
     "read_capture": "io.captures",
+    "read_relief_mesh": "io.materials",
     "render": "renderers.api",
     "write_asset": "io.assets",
 }
@@ -50,13 +56,16 @@ __all__ = [
     "LayeredDepthImage",
     "ParallelFrame",
     "Prepared",
+    "ReliefMesh",
     "ReliefTexture",
     "SpiralResiduals",
     "SpiralTexture",
     "__version__",
+    "composite",
     "prepare",
     "read_asset",
     "read_capture",
+    "read_relief_mesh",
     "render",
     "renderers",
     "write_asset",

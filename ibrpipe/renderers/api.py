@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from ibrpipe.errors import RendererError
+from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.renderers.registry import check_options, find_renderer, registered
 from ibrpipe.types import Asset, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
 
 #: what a frame can hold
 OUTPUTS = ("color", "depth", "alpha")
 
-Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
+Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture | ReliefMesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ def prepare(source: Source, renderer: str = "ldi") -> Prepared:
 
     Parameters
     ----------
-    source : ReliefTexture, DepthImage, LayeredDepthImage, SpiralTexture, Asset, or a list of these
+    source : ReliefTexture, DepthImage, LayeredDepthImage, SpiralTexture, ReliefMesh, Asset, or a list of these
     renderer : str
         A name from `renderers`.
 

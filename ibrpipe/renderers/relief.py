@@ -10,11 +10,14 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ibrpipe.core import relief_shade
 from ibrpipe.errors import RendererError
+from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.renderers.ldi import limited_threads
 from ibrpipe.renderers.relief_fields import Field, build_field
+from ibrpipe.renderers.relief_mesh import Look, MeshPart, build_mesh
 from ibrpipe.types import Array, Camera, Frame
 
 SEARCHES = ("exact", "linear-binary")
@@ -24,7 +27,7 @@ SEARCHES = ("exact", "linear-binary")
 class Scene:
     """All parts of a prepared source."""
 
-    parts: tuple[Field, ...]
+    parts: tuple[Field | MeshPart, ...]
 
     @property
     def bytes(self) -> int:
@@ -34,7 +37,9 @@ class Scene:
 
 def prepare(textures: tuple[Any, ...]) -> Scene:
     """Build the pyramids of all sources."""
-    return Scene(tuple(build_field(texture) for texture in textures))
+    return Scene(
+        tuple(build_mesh(source) if isinstance(source, ReliefMesh) else build_field(source) for source in textures)
+    )
 
 
 def draw(
@@ -45,12 +50,19 @@ def draw(
     linear_steps: int = 32,
     binary_steps: int = 8,
     threads: int = 0,
+    least_steps: int = 10,
+    vertices: ArrayLike | None = None,
+    **look: Any,
 ) -> Frame:
     """Render one frame; see `ibrpipe.render`."""
     if search not in SEARCHES:
         raise RendererError(f"search is {search!r}; choose among: {', '.join(SEARCHES)}")
     if not (1 <= linear_steps <= 4096 and 0 <= binary_steps <= 64):
         raise RendererError(f"linear_steps is {linear_steps} (1 to 4096), binary_steps {binary_steps} (0 to 64)")
+    style = Look(search=search, steps=linear_steps, halvings=binary_steps, least=least_steps, **look)
+    meshes = sum(isinstance(part, MeshPart) for part in scene.parts)
+    if vertices is not None and meshes != 1:
+        raise RendererError(f"vertices deform one relief mesh, the scene has {meshes}; render them one by one")
     began = perf_counter()
     shape = (camera.height, camera.width)
     depth = np.full(shape, np.inf, np.float32)
@@ -58,7 +70,10 @@ def draw(
     color, alpha = (np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)) if shaded else (None, None)
     with limited_threads(threads):
         for part in scene.parts:
-            _draw_field(part, camera, search, linear_steps, binary_steps, depth, color, alpha)
+            if isinstance(part, MeshPart):
+                part.draw(camera, style, vertices, depth, color, alpha)
+            else:
+                _draw_field(part, camera, search, linear_steps, binary_steps, depth, color, alpha)
     stats: dict[str, Any] = {"rays": depth.size, "milliseconds": 1e3 * (perf_counter() - began)}
     if alpha is not None:
         stats["hits"] = int(np.count_nonzero(alpha))

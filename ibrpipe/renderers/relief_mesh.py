@@ -1,0 +1,245 @@
+"""Relief-mapped meshes as the `relief` renderer prepares and draws them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ibrpipe.core import relief_mesh_hit, relief_mesh_raster, relief_mesh_shade
+from ibrpipe.core.normals import incidence, weld
+from ibrpipe.core.relief_map import build_bounds, pad_layer, plan_levels, shift_of, slopes
+from ibrpipe.core.relief_mesh_frames import FACE_SIZE, corner_frames, face_axes
+from ibrpipe.core.texture_mips import build_mips
+from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
+from ibrpipe.relief_mesh import ReliefMesh
+from ibrpipe.types import Array, Camera
+
+#: faces around a vertex that bend more than this do not share a normal
+CREASE = math.cos(math.radians(40.0))
+#: sheets of polygons that are looked through, one behind the other, at most
+SHEETS = 32
+MAPPINGS = {"plain": 0.0, "bump": 1.0, "parallax": 2.0, "relief": 3.0}
+
+
+@dataclass(frozen=True)
+class Look:
+    """How relief-mapped meshes are drawn; the options of `ibrpipe.render`.
+
+    Attributes
+    ----------
+    mapping : {"relief", "parallax", "bump", "plain"}
+    search : {"exact", "linear-binary"}
+    steps, halvings, least : int
+        Linear steps at grazing views, halvings, linear steps along the normal.
+    light : (3,) or (4,) floats or None
+        Place of a lamp in the world; a fourth number 0 makes it a direction toward it. None: colours as they are.
+    ambient, diffuse, specular : float or three
+    shininess : float
+    shadows : bool
+    anisotropy : int
+        Probes of a pixel's footprint; 0: the nearest four texels.
+    two_sided : bool
+        Polygons are seen from behind, without relief.
+    """
+
+    mapping: str = "relief"
+    search: str = "exact"
+    steps: int = 32
+    halvings: int = 8
+    least: int = 10
+    light: Any = None
+    ambient: Any = 0.25
+    diffuse: Any = 0.75
+    specular: Any = 0.15
+    shininess: float = 20.0
+    shadows: bool = True
+    anisotropy: int = 8
+    two_sided: bool = False
+
+    def __post_init__(self) -> None:
+        if self.mapping not in MAPPINGS:
+            raise RendererError(f"mapping is {self.mapping!r}; choose among: {', '.join(MAPPINGS)}")
+        if not 0 <= self.anisotropy <= 64 or not 0 <= self.shininess <= 1e4:
+            raise RendererError(f"anisotropy is {self.anisotropy} (0 to 64), shininess {self.shininess} (0 to 10000)")
+        if self.light is not None and not (np.size(self.light) in (3, 4) and np.isfinite(self.light).all()):
+            raise RendererError(f"light is {self.light}; give a place (x, y, z) or a direction (x, y, z, 0)")
+        for name in ("ambient", "diffuse", "specular"):
+            value = np.asarray(getattr(self, name), float)
+            if value.size not in (1, 3) or not (np.isfinite(value).all() and (value >= 0).all()):
+                raise RendererError(f"{name} is {getattr(self, name)}; give one or three numbers of at least 0")
+
+    def lamp(self, eye: Array, slopes: bool) -> Array:
+        """Return the lamp as :mod:`ibrpipe.core.relief_mesh_shade` wants it."""
+        core = relief_mesh_shade
+        lamp = np.zeros(core.LAMPS)
+        lamp[core.PROBES], lamp[core.SLOPES] = self.anisotropy, slopes
+        if self.light is None:
+            return lamp
+        light = np.asarray(self.light, np.float64)
+        lamp[core.LIT], lamp[core.IS_PLACE] = 1.0, 1.0 if light.size == 3 or light[3] != 0.0 else 0.0
+        lamp[core.WAY : core.WAY + 3] = light[:3] - (eye if lamp[core.IS_PLACE] else 0.0)
+        for slot, value in ((core.AMBIENT, self.ambient), (core.DIFFUSE, self.diffuse), (core.SPECULAR, self.specular)):
+            lamp[slot : slot + 3] = value
+        lamp[core.SHININESS], lamp[core.SHADOWS] = self.shininess, self.shadows
+        lamp[core.BIAS] = 1e-4 if self.search == "exact" else 0.05
+        return lamp
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A relief-mapped mesh with its pyramids.
+
+    Attributes
+    ----------
+    source : ReliefMesh
+    first : (U,) int64
+        A vertex of the source for each vertex that is left when those at one place are one.
+    corners : (F, 3) int64, numbers of those
+    around : (starts, faces), CSR of the faces around each of them
+    layers : front, back, lows, highs, plan of :mod:`ibrpipe.core.relief_map`
+    colors, normals : texels and table of :mod:`ibrpipe.core.texture_mips`
+    """
+
+    source: ReliefMesh
+    first: Array
+    corners: Array
+    around: tuple[Array, Array]
+    layers: tuple[Array, Array, Array, Array, Array]
+    colors: tuple[Array, Array]
+    normals: tuple[Array, Array]
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held beyond the source itself."""
+        arrays = (self.first, self.corners, *self.around, *self.layers, *self.colors, *self.normals)
+        return sum(array.nbytes for array in arrays)
+
+    def shape(self, eye: Array, vertices: ArrayLike | None = None) -> tuple[Array, Array, Array, Array]:
+        """Return vertices (counted from the eye), corners, uv and frames; `vertices` replaces those of the source.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            `vertices` are not as many as the source's, or not finite.
+        """
+        source = self.source
+        places = source.mesh.vertices if vertices is None else np.ascontiguousarray(vertices, np.float64)
+        if places.shape != source.mesh.vertices.shape:
+            raise ShapeError(f"vertices must be {source.mesh.vertices.shape} as in the source, got {places.shape}")
+        if vertices is not None and not np.isfinite(places).all():
+            raise ValueRangeError("vertices hold NaN or infinity; every coordinate must be finite")
+        local = places[self.first] - eye
+        axes = np.empty((len(self.corners), FACE_SIZE))
+        frames = np.empty((len(self.corners), 3, 9), np.float32)
+        face_axes(local, self.corners, source.uv, axes)
+        corner_frames(self.corners, source.uv, *self.around, axes, CREASE, False, frames)
+        if vertices is None and source.normals is not None:
+            frames[:, :, :3] = source.normals
+        if vertices is None and source.tangents is not None:
+            _take_tangents(frames, source.tangents)
+        return local, self.corners, source.uv, frames
+
+    def rule(self, look: Look) -> Array:
+        """Return the rule as :mod:`ibrpipe.core.relief_mesh_hit` wants it."""
+        core, (rows, columns) = relief_mesh_hit, self.source.height.shape
+        rule = np.zeros(core.RULES)
+        rule[core.ACROSS], rule[core.DOWN] = columns, rows
+        rule[core.SHIFT], rule[core.DEEP] = shift_of(self.source.edges == "wrap"), self.source.thickness
+        rule[core.MAPPING], rule[core.EXACT] = MAPPINGS[look.mapping], look.search == "exact"
+        rule[core.STEPS], rule[core.HALVINGS], rule[core.LEAST] = look.steps, look.halvings, look.least
+        return rule
+
+    def draw(
+        self,
+        camera: Camera,
+        look: Look,
+        vertices: ArrayLike | None,
+        depth: Array,
+        color: Array | None,
+        alpha: Array | None,
+    ) -> int:
+        """Lower `depth` (h, w) float32 where this mesh is nearer, colour what is hit; count the sheets looked at."""
+        mesh, rule = self.shape(camera.center, vertices), self.rule(look)
+        ways, pixels = camera.world_from_pixel, camera.K @ camera.R
+        bounds = np.empty((len(self.corners), 4), np.int32)
+        size = (camera.height, camera.width)
+        relief_mesh_raster.bound_faces(mesh[0], mesh[1], pixels, look.two_sided, size[1], size[0], bounds)
+        after, layer, face = np.zeros(size), np.empty(size), np.empty(size, np.int32)
+        some = color is not None
+        mine = np.zeros(size, np.uint8)
+        places, turns = (np.empty((*size, k), t) if some else np.empty((0, 0, k), t) for k, t in _PLACES)
+        sheets = 0
+        while sheets < SHEETS and relief_mesh_raster.draw_faces(
+            mesh[0], mesh[1], bounds, ways, after, depth, layer, face
+        ):
+            relief_mesh_hit.hit_faces(mesh, self.layers, rule, ways, layer, face, depth, mine, places, turns)
+            after, layer = layer, after
+            sheets += 1
+        if color is not None and alpha is not None:
+            lamp = look.lamp(camera.center, self.source.normal is None)
+            relief_mesh_shade.shade_hits(
+                mine, depth, places, turns, self.layers, rule, lamp, ways, self.colors, self.normals, color, alpha
+            )
+        return sheets
+
+
+_PLACES = ((3, np.float64), (9, np.float32))
+
+
+def _take_tangents(frames: Array, tangents: Array) -> None:
+    """Turn the texture axes to given directions of u; their lengths and which way round they run stay."""
+    normal, along, across = (frames[:, :, 3 * k : 3 * k + 3].astype(np.float64) for k in range(3))
+    flat = tangents - (tangents * normal).sum(-1, keepdims=True) * normal
+    length = np.linalg.norm(flat, axis=-1, keepdims=True)
+    unit = flat / np.where(length > 1e-12, length, 1.0)
+    hand = np.sign((np.cross(normal, along) * across).sum(-1, keepdims=True))
+    turned = np.concatenate(
+        [
+            unit * np.linalg.norm(along, axis=-1, keepdims=True),
+            hand * np.cross(normal, unit) * np.linalg.norm(across, axis=-1, keepdims=True),
+        ],
+        axis=-1,
+    )
+    frames[:, :, 3:] = np.where(length > 1e-12, turned, frames[:, :, 3:])
+
+
+def build_mesh(source: ReliefMesh) -> MeshPart:
+    """Build pyramids, mip maps and neighbourhoods of a relief-mapped mesh.
+
+    Raises
+    ------
+    RendererError
+        The relief is too large.
+    """
+    if max(source.height.shape) > 2**15:
+        raise RendererError(f"a relief of {source.height.shape} texels is too large; at most 32768 on a side")
+    wraps = source.edges == "wrap"
+    number = weld(source.mesh.vertices)
+    _, first = np.unique(number, return_index=True)
+    corners = np.ascontiguousarray(number[source.mesh.faces], np.int64)
+    front = pad_layer(1.0 - source.height, wraps)
+    plan = plan_levels(front.shape[0] - 1, front.shape[1] - 1, wraps)
+    back, highs = np.empty((0, 0), np.float32), np.empty(0, np.float32)
+    if source.back is not None:
+        back = pad_layer(1.0 - source.back, wraps)
+        highs = build_bounds(back, plan, False)
+    layers = (front, back, build_bounds(front, plan, True), highs, plan)
+    color = np.ones((1, 1, 3)) if source.color is None else source.color
+    normal = slopes(source.height, wraps) if source.normal is None else source.normal
+    return MeshPart(
+        source,
+        first.astype(np.int64),
+        corners,
+        incidence(corners, len(first)),
+        layers,
+        build_mips(_four(color)),
+        build_mips(_four(normal)),
+    )
+
+
+def _four(picture: Array) -> Array:
+    return np.concatenate([picture, np.ones((*picture.shape[:2], 1))], axis=2)
