@@ -30,7 +30,7 @@ COMMANDS: dict[str, dict[str, tuple[str, str]]] = {
             "Cover a mesh with few perspective depth images, as an asset.",
         ),
         "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run or an asset holds."),
-        "relief": ("ibrpipe.cli.relief:command", "Make relief textures from images, meshes, assets or range data."),
+        "relief": ("ibrpipe.cli.relief:command", "Make relief textures; map reliefs onto meshes."),
         "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of all files on disk."),
         "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth."),
     },

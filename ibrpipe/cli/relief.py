@@ -10,6 +10,7 @@ import click
 import yaml
 
 from ibrpipe.cli.options import PATH, example
+from ibrpipe.cli.relief_meshes import dual, mesh_map
 from ibrpipe.errors import ConfigError, MissingFileError
 
 _OUT = click.option("--out", type=PATH, required=True, metavar="DIR", help="Asset folder to write.")
@@ -31,7 +32,7 @@ _TEXELS = click.option(
     ),
 )
 def command() -> None:
-    """Make relief textures: assets with one depth sample per texel, for every renderer.
+    """Make relief textures, assets with one depth sample per texel; map reliefs onto meshes.
 
     The asset is rendered without any capture: ibrpipe render --asset DIR --path orbit.
     """
@@ -163,3 +164,7 @@ def _write(reliefs: Sequence[Any], names: Sequence[str], source: Path | None, ou
     write_asset(asset_from_reliefs(reliefs, names, str(source)), out)
     texels = sum(relief.height.size for relief in reliefs)
     click.echo(f"{out}: {len(reliefs)} relief texture{'s' if len(reliefs) > 1 else ''}, {texels} texels")
+
+
+command.add_command(mesh_map)
+command.add_command(dual)

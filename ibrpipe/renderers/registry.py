@@ -108,6 +108,7 @@ _RENDERERS = (
             "binary_steps": "halvings of the published search (default 8)",
             "least_steps": "meshes: steps of the published search along the normal (default 10)",
             "mapping": "meshes: relief, or the baselines parallax, bump, plain (default relief)",
+            "model": "meshes: flat, as published, or shell: silhouettes follow the relief (default flat)",
             "light": "meshes: lamp at (x, y, z), or toward it (x, y, z, 0); None: colours as they are (default None)",
             "ambient": "meshes: share of light from everywhere, one or three numbers (default 0.25)",
             "diffuse": "meshes: share of the lamp's diffuse light (default 0.75)",

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ibrpipe.core import relief_mesh_hit, relief_mesh_raster, relief_mesh_shade
+from ibrpipe.core import relief_mesh_hit, relief_mesh_raster, relief_mesh_shade, relief_mesh_shell
 from ibrpipe.core.normals import incidence, weld
 from ibrpipe.core.relief_map import build_bounds, pad_layer, plan_levels, shift_of, slopes
 from ibrpipe.core.relief_mesh_frames import FACE_SIZE, corner_frames, face_axes
+from ibrpipe.core.relief_mesh_tree import find_walls, fit_boxes, sort_faces
 from ibrpipe.core.texture_mips import build_mips
 from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
 from ibrpipe.relief_mesh import ReliefMesh
@@ -22,6 +23,7 @@ from ibrpipe.types import Array, Camera
 CREASE = math.cos(math.radians(40.0))
 #: sheets of polygons that are looked through, one behind the other, at most
 SHEETS = 32
+MODELS = ("flat", "shell")
 MAPPINGS = {"plain": 0.0, "bump": 1.0, "parallax": 2.0, "relief": 3.0}
 
 
@@ -32,6 +34,8 @@ class Look:
     Attributes
     ----------
     mapping : {"relief", "parallax", "bump", "plain"}
+    model : {"flat", "shell"}
+        Rays are straight below the polygon that they meet, or pass through the shell of prisms below all polygons.
     search : {"exact", "linear-binary"}
     steps, halvings, least : int
         Linear steps at grazing views, halvings, linear steps along the normal.
@@ -47,6 +51,7 @@ class Look:
     """
 
     mapping: str = "relief"
+    model: str = "flat"
     search: str = "exact"
     steps: int = 32
     halvings: int = 8
@@ -63,6 +68,10 @@ class Look:
     def __post_init__(self) -> None:
         if self.mapping not in MAPPINGS:
             raise RendererError(f"mapping is {self.mapping!r}; choose among: {', '.join(MAPPINGS)}")
+        if self.model not in MODELS:
+            raise RendererError(f"model is {self.model!r}; choose among: {', '.join(MODELS)}")
+        if self.model == "shell" and self.mapping != "relief":
+            raise RendererError(f"model 'shell' shows a relief, not mapping {self.mapping!r}; choose model 'flat'")
         if not 0 <= self.anisotropy <= 64 or not 0 <= self.shininess <= 1e4:
             raise RendererError(f"anisotropy is {self.anisotropy} (0 to 64), shininess {self.shininess} (0 to 10000)")
         if self.light is not None and not (np.size(self.light) in (3, 4) and np.isfinite(self.light).all()):
@@ -100,6 +109,8 @@ class MeshPart:
         A vertex of the source for each vertex that is left when those at one place are one.
     corners : (F, 3) int64, numbers of those
     around : (starts, faces), CSR of the faces around each of them
+    order : (F,) int64, the faces along a curve through space, for the shell's tree
+    walls : (F, 3) uint8, sides of the shell's prisms where it ends or its texture does not go on
     layers : front, back, lows, highs, plan of :mod:`ibrpipe.core.relief_map`
     colors, normals : texels and table of :mod:`ibrpipe.core.texture_mips`
     """
@@ -108,6 +119,8 @@ class MeshPart:
     first: Array
     corners: Array
     around: tuple[Array, Array]
+    order: Array
+    walls: Array
     layers: tuple[Array, Array, Array, Array, Array]
     colors: tuple[Array, Array]
     normals: tuple[Array, Array]
@@ -115,33 +128,40 @@ class MeshPart:
     @property
     def bytes(self) -> int:
         """Bytes held beyond the source itself."""
-        arrays = (self.first, self.corners, *self.around, *self.layers, *self.colors, *self.normals)
+        arrays = (
+            self.first,
+            self.corners,
+            *self.around,
+            self.order,
+            self.walls,
+            *self.layers,
+            *self.colors,
+            *self.normals,
+        )
         return sum(array.nbytes for array in arrays)
 
-    def shape(self, eye: Array, vertices: ArrayLike | None = None) -> tuple[Array, Array, Array, Array]:
-        """Return vertices (counted from the eye), corners, uv and frames; `vertices` replaces those of the source.
+    def places(self, eye: Array, vertices: ArrayLike | None = None) -> Array:
+        """Return the vertices counted from the eye; `vertices` replaces those of the source.
 
         Raises
         ------
         ShapeError, ValueRangeError
             `vertices` are not as many as the source's, or not finite.
         """
-        source = self.source
-        places = source.mesh.vertices if vertices is None else np.ascontiguousarray(vertices, np.float64)
-        if places.shape != source.mesh.vertices.shape:
-            raise ShapeError(f"vertices must be {source.mesh.vertices.shape} as in the source, got {places.shape}")
+        own = self.source.mesh.vertices
+        places = own if vertices is None else np.ascontiguousarray(vertices, np.float64)
+        if places.shape != own.shape:
+            raise ShapeError(f"vertices must be {own.shape} as in the source, got {places.shape}")
         if vertices is not None and not np.isfinite(places).all():
             raise ValueRangeError("vertices hold NaN or infinity; every coordinate must be finite")
-        local = places[self.first] - eye
-        axes = np.empty((len(self.corners), FACE_SIZE))
-        frames = np.empty((len(self.corners), 3, 9), np.float32)
-        face_axes(local, self.corners, source.uv, axes)
-        corner_frames(self.corners, source.uv, *self.around, axes, CREASE, False, frames)
-        if vertices is None and source.normals is not None:
-            frames[:, :, :3] = source.normals
-        if vertices is None and source.tangents is not None:
-            _take_tangents(frames, source.tangents)
-        return local, self.corners, source.uv, frames
+        return np.ascontiguousarray(places[self.first] - eye)
+
+    def frames(self, places: Array, smooth: bool = False) -> Array:
+        """(F, 3, 9) float32 normal and texture axes of every corner; smooth: normals heed no crease."""
+        axes, frames = np.empty((len(self.corners), FACE_SIZE)), np.empty((len(self.corners), 3, 9), np.float32)
+        face_axes(places, self.corners, self.source.uv, axes)
+        corner_frames(self.corners, self.source.uv, *self.around, axes, CREASE, smooth, frames)
+        return frames
 
     def rule(self, look: Look) -> Array:
         """Return the rule as :mod:`ibrpipe.core.relief_mesh_hit` wants it."""
@@ -163,28 +183,59 @@ class MeshPart:
         alpha: Array | None,
     ) -> int:
         """Lower `depth` (h, w) float32 where this mesh is nearer, colour what is hit; count the sheets looked at."""
-        mesh, rule = self.shape(camera.center, vertices), self.rule(look)
-        ways, pixels = camera.world_from_pixel, camera.K @ camera.R
-        bounds = np.empty((len(self.corners), 4), np.int32)
-        size = (camera.height, camera.width)
-        relief_mesh_raster.bound_faces(mesh[0], mesh[1], pixels, look.two_sided, size[1], size[0], bounds)
-        after, layer, face = np.zeros(size), np.empty(size), np.empty(size, np.int32)
-        some = color is not None
-        mine = np.zeros(size, np.uint8)
-        places, turns = (np.empty((*size, k), t) if some else np.empty((0, 0, k), t) for k, t in _PLACES)
-        sheets = 0
-        while sheets < SHEETS and relief_mesh_raster.draw_faces(
-            mesh[0], mesh[1], bounds, ways, after, depth, layer, face
-        ):
-            relief_mesh_hit.hit_faces(mesh, self.layers, rule, ways, layer, face, depth, mine, places, turns)
-            after, layer = layer, after
-            sheets += 1
+        size, some = depth.shape, color is not None
+        buffers = (
+            np.zeros(size, np.uint8),
+            *(np.empty((*size, k), t) if some else np.empty((0, 0, k), t) for k, t in _PLACES),
+        )
+        local, ways, rule = self.places(camera.center, vertices), camera.world_from_pixel, self.rule(look)
+        search = self._search_shell if look.model == "shell" else self._search_sheets
+        sheets = search(local, camera, look, rule, vertices is not None, depth, buffers)
         if color is not None and alpha is not None:
+            mine, places, turns = buffers
             lamp = look.lamp(camera.center, self.source.normal is None)
             relief_mesh_shade.shade_hits(
                 mine, depth, places, turns, self.layers, rule, lamp, ways, self.colors, self.normals, color, alpha
             )
         return sheets
+
+    def _search_sheets(
+        self, local: Array, camera: Camera, look: Look, rule: Array, moved: bool, depth: Array, buffers: Any
+    ) -> int:
+        """Search below the nearest polygon of each pixel, then below those behind it that are nearer than the hit."""
+        source, size = self.source, depth.shape
+        frames = self.frames(local)
+        if not moved and source.normals is not None:
+            frames[:, :, :3] = source.normals
+        if not moved and source.tangents is not None:
+            _take_tangents(frames, source.tangents)
+        mesh, ways = (local, self.corners, source.uv, frames), camera.world_from_pixel
+        bounds = np.empty((len(self.corners), 4), np.int32)
+        relief_mesh_raster.bound_faces(
+            local, self.corners, camera.K @ camera.R, look.two_sided, size[1], size[0], bounds
+        )
+        after, layer, face = np.zeros(size), np.empty(size), np.empty(size, np.int32)
+        sheets = 0
+        while sheets < SHEETS and relief_mesh_raster.draw_faces(
+            local, self.corners, bounds, ways, after, depth, layer, face
+        ):
+            relief_mesh_hit.hit_faces(mesh, self.layers, rule, ways, layer, face, depth, *buffers)
+            after, layer = layer, after
+            sheets += 1
+        return sheets
+
+    def _search_shell(
+        self, local: Array, camera: Camera, look: Look, rule: Array, moved: bool, depth: Array, buffers: Any
+    ) -> int:
+        """Search the prisms below all polygons along every ray."""
+        normals = np.empty((len(local), 3))
+        normals[self.corners] = self.frames(local, smooth=True)[:, :, :3]
+        boxes = fit_boxes(local, normals, self.corners, self.source.thickness, self.order)
+        shell = (local, normals, self.corners, self.source.uv, self.walls)
+        relief_mesh_shell.hit_shell(
+            shell, self.layers, rule, camera.world_from_pixel, self.order, boxes, depth, *buffers
+        )
+        return 1
 
 
 _PLACES = ((3, np.float64), (9, np.float32))
@@ -220,7 +271,9 @@ def build_mesh(source: ReliefMesh) -> MeshPart:
     wraps = source.edges == "wrap"
     number = weld(source.mesh.vertices)
     _, first = np.unique(number, return_index=True)
-    corners = np.ascontiguousarray(number[source.mesh.faces], np.int64)
+    order = np.argsort(first)  # as in the source: the shell's diagonals go by it
+    corners = np.ascontiguousarray(np.argsort(order)[number][source.mesh.faces], np.int64)
+    first = first[order]
     front = pad_layer(1.0 - source.height, wraps)
     plan = plan_levels(front.shape[0] - 1, front.shape[1] - 1, wraps)
     back, highs = np.empty((0, 0), np.float32), np.empty(0, np.float32)
@@ -235,6 +288,8 @@ def build_mesh(source: ReliefMesh) -> MeshPart:
         first.astype(np.int64),
         corners,
         incidence(corners, len(first)),
+        sort_faces(source.mesh.vertices[first], corners),
+        find_walls(corners, source.uv),
         layers,
         build_mips(_four(color)),
         build_mips(_four(normal)),

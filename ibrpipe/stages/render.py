@@ -134,14 +134,15 @@ def _render_all(
             began = perf_counter()
             frame = render(prepared, camera, renderer, config.outputs, **options)
             milliseconds.append(1e3 * (perf_counter() - began))
-        files = _write_frame(frame, folder / name)
-        entries.append(_entry(name, renderer, camera, frame, files, median(milliseconds)))
+        files = write_frame(frame, folder / name)
+        entries.append(frame_entry(name, renderer, camera, frame, files, median(milliseconds)))
     return entries
 
 
-def _entry(
+def frame_entry(
     name: str, renderer: str, camera: Camera, frame: Frame, files: Mapping[str, str], milliseconds: float
 ) -> dict[str, Any]:
+    """Return a frame's entry of ``frames.json``."""
     return {
         "view": name,
         "renderer": renderer,
@@ -155,7 +156,7 @@ def _entry(
     }
 
 
-def _write_frame(frame: Frame, stem: Path) -> dict[str, str]:
+def write_frame(frame: Frame, stem: Path) -> dict[str, str]:
     """Write STEM.exr and, where there is colour, STEM.png; each appears only when it is complete."""
     channels: dict[str, Array] = {}
     if frame.color is not None:

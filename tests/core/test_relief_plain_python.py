@@ -10,7 +10,7 @@ import numpy as np
 
 SCRIPT = """
 import numpy as np, sys
-import ibrpipe
+import ibrpipe, ibrpipe.types
 rng = np.random.default_rng(11)
 frame = ibrpipe.ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0.1), (0, 0, 1))
 height = rng.random((6, 7)) * 2
@@ -18,6 +18,14 @@ height[2, 3] = np.nan
 relief = ibrpipe.ReliefTexture(frame, rng.random((6, 7, 3)), height)
 camera = ibrpipe.Camera.look_at((2, 1, -9), (3, 3, 1), width=13, height=11)
 seen = [ibrpipe.render(relief, camera, renderer="relief", search=name) for name in ("exact", "linear-binary")]
+uv = np.array([[[0, 2], [2, 2], [2, 0]], [[0, 2], [2, 0], [0, 0]]], float)
+places = np.array([[-1, -1, 0], [1, -1, 0.1], [1, 1, 0], [-1, 1, 0]])
+quad = ibrpipe.types.Mesh(places, np.array([[0, 1, 2], [0, 2, 3]]))
+depths = rng.random((5, 6))
+mesh = ibrpipe.ReliefMesh(quad, uv, depths, 0.3, back=depths - 0.3 * depths, color=rng.random((5, 4, 3)))
+view = ibrpipe.Camera.look_at((0.5, -1.1, 1.2), (0, 0, 0), width=13, height=11)
+for more in ({}, {"model": "shell"}, {"search": "linear-binary"}):
+    seen.append(ibrpipe.render(mesh, view, renderer="relief", light=(2, 1, 3), **more))
 np.savez(sys.argv[1], depth=[each.depth for each in seen], color=[each.color for each in seen])
 """
 

@@ -5,6 +5,8 @@ Written from ``docs/renderers/relief.md``.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 
@@ -88,7 +90,7 @@ class Layers:
         cuts = sorted(min(max(cut, begin), end) for cut in cuts)
         if self.gap(*(start + begin * way)) >= 0:
             return begin
-        for low, high in zip(cuts, cuts[1:]):
+        for low, high in pairwise(cuts):
             middle = start + 0.5 * (low + high) * way
             i, j = int(np.floor(middle[0])), int(np.floor(middle[1]))
             roots = [low, high]
@@ -181,3 +183,59 @@ def cast(source, camera, search="exact", steps=32, halvings=8, least=10):
             if t < depth[y, x]:
                 depth[y, x], place[y, x] = t, (*uv, z)
     return depth, place
+
+
+TETRAHEDRA = (((0, 0), (1, 0), (2, 0), (2, 1)), ((0, 0), (1, 0), (1, 1), (2, 1)), ((0, 0), (0, 1), (1, 1), (2, 1)))
+
+
+def smooth_normals(source):
+    """(V, 3) normals averaged by angle over all faces around a vertex."""
+    places = source.mesh.vertices
+    out = np.zeros_like(places)
+    for face in source.mesh.faces:
+        p = places[face]
+        normal = unit(np.cross(p[1] - p[0], p[2] - p[0]))
+        for c in range(3):
+            one, other = unit(p[(c + 1) % 3] - p[c]), unit(p[(c + 2) % 3] - p[c])
+            out[face[c]] += np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other) * normal
+    return np.array([unit(each) for each in out]).astype(np.float32).astype(float)
+
+
+def cast_shell(source, camera):
+    """(h, w) float64 depth of the nearest place inside the relief, in all tetrahedra of all prisms; vertices welded.
+
+    For eyes outside and above the relief: whatever is inside counts.
+    """
+    normals, layers, size = smooth_normals(source), Layers(source), np.array(source.height.shape[::-1], float)
+    solids = []
+    for f, face in enumerate(source.mesh.faces):
+        rank = np.argsort(face)
+        for tetra in TETRAHEDRA:
+            corner = [(rank[c], floor) for c, floor in tetra]
+            places = np.array(
+                [source.mesh.vertices[face[c]] - k * source.thickness * normals[face[c]] for c, k in corner]
+            )
+            texture = np.array([[*(source.uv[f, c] * size - 0.5), k] for c, k in corner])
+            solids.append((np.linalg.inv(np.c_[places - camera.center, np.ones(4)].T), texture))
+    out = np.full((camera.height, camera.width), np.inf)
+    for y, x in np.ndindex(out.shape):
+        w = camera.world_from_pixel @ (x + 0.5, y + 0.5, 1.0)
+        for inverse, texture in solids:
+            way, at = inverse[:, :3] @ w, inverse[:, 3]
+            begin, end = 0.0, out[y, x]
+            for a, b in zip(at, way):
+                if b > 0:
+                    begin = max(begin, -a / b)
+                elif b < 0:
+                    end = min(end, -a / b)
+                elif a < 0:
+                    end = -1.0
+            start, along = texture.T @ at, texture.T @ way
+            if source.edges == "cut":
+                for axis in (0, 1):
+                    if along[axis]:
+                        ends = sorted((e - start[axis]) / along[axis] for e in (-0.5, size[axis] - 0.5))
+                        begin, end = max(begin, ends[0]), min(end, ends[1])
+            if begin <= end:
+                out[y, x] = min(out[y, x], layers.first(start, along, begin, end))
+    return out

@@ -1,0 +1,123 @@
+"""``ibrpipe relief map`` and ``ibrpipe relief dual``: relief mapping on textured meshes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ibrpipe.cli.options import PATH, example, json_option
+
+_VECTOR = (float, float, float)
+
+
+@click.command(
+    name="map",
+    epilog=example(
+        "ibrpipe relief map teapot.ply --relief materials/rock --repeat 4 4 --light 5 8 6 --out frames",
+        "ibrpipe relief map scene.glb --path orbit:frames=24,up=y --model shell --out frames",
+        "ibrpipe relief map bunny/quad.obj --packed bunny/packed.png --thickness 0.12 --edges cut --out frames",
+    ),
+)
+@click.argument("mesh", type=PATH)
+@click.option("--relief", type=PATH, metavar="DIR", help="Folder with height.*, color.*, normal_gl.*.")
+@click.option("--height", type=PATH, metavar="FILE", help="Height map.  [default: alpha of the normal map]")
+@click.option("--color", type=PATH, metavar="FILE", help="Colour image, instead of the material's.")
+@click.option("--normal", type=PATH, metavar="FILE", help="Normal map, instead of the material's.")
+@click.option("--packed", type=PATH, metavar="FILE", help="Normal x, y and two depths in four channels.")
+@click.option("--thickness", type=float, help="Height 0 to 1, scene units.  [default: a twentieth of a texture]")
+@click.option(
+    "--height-range",
+    type=(float, float),
+    default=(0.0, 1.0),
+    show_default=True,
+    help="File's heights that are 0 and 1.",
+)
+@click.option("--repeat", type=(float, float), default=(1.0, 1.0), show_default=True, help="Tiles along u and along v.")
+@click.option(
+    "--uv",
+    type=click.Choice(["auto", "file", "cylinder", "sphere", "planar", "box"]),
+    default="auto",
+    show_default=True,
+    help="Where texture coordinates come from.",
+)
+@click.option(
+    "--up", type=click.Choice(["x", "y", "z"]), default="y", show_default=True, help="Axis of made coordinates."
+)
+@click.option(
+    "--edges",
+    type=click.Choice(["wrap", "cut"]),
+    default="wrap",
+    show_default=True,
+    help="Tiled, or ends at its border.",
+)
+@click.option(
+    "--mapping",
+    type=click.Choice(["relief", "parallax", "bump", "plain"]),
+    default="relief",
+    show_default=True,
+    help="What is mapped.",
+)
+@click.option(
+    "--model", type=click.Choice(["flat", "shell"]), default="flat", show_default=True,
+    help="Polygons keep their silhouettes, or the relief carves them.",
+)  # fmt: skip
+@click.option(
+    "--search",
+    type=click.Choice(["exact", "linear-binary"]),
+    default="exact",
+    show_default=True,
+    help="How hits are found.",
+)
+@click.option("--light", type=_VECTOR, help="Place of a lamp.  [default: colours as they are]")
+@click.option("--sun", type=_VECTOR, help="Direction toward a distant light.")
+@click.option("--shadows/--no-shadows", default=True, show_default=True, help="The relief shades itself.")
+@click.option(
+    "--path", default="orbit:frames=1,up=y", show_default=True, help="Orbit, COLMAP model folder, or transforms.json."
+)
+@click.option(
+    "--repeats", type=click.IntRange(1, 1000), default=1, show_default=True, help="Times each frame is timed."
+)
+@click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the frames.")
+def mesh_map(mesh: Path, path: str, repeats: int, out: Path, as_json: bool, **given: Any) -> None:
+    """Render MESH (glTF, OBJ, PLY or STL) with a relief mapped onto its polygons: OpenEXR with depth, and PNG."""
+    from ibrpipe.io.materials import read_relief_mesh
+    from ibrpipe.io.paths import is_orbit, orbit, parse_orbit, read_path
+    from ibrpipe.stages.relief_objects import render_path
+
+    if given["light"] and given["sun"]:
+        raise click.UsageError("give --light or --sun, not both")
+    light = given.pop("light") or ((*given["sun"], 0.0) if given["sun"] else None)
+    given.pop("sun")
+    look = {name: given.pop(name) for name in ("mapping", "model", "search", "shadows")}
+    source = read_relief_mesh(mesh, **given)
+    vertices = source.mesh.vertices
+    bounds = vertices.min(axis=0), vertices.max(axis=0)
+    cameras = orbit(parse_orbit(path), bounds) if is_orbit(path) else read_path(Path(path))
+    entries = render_path(source, cameras, out, {"light": light, **look}, repeats)
+    if as_json:
+        click.echo(json.dumps([{key: each[key] for key in ("view", "ms", "width", "height")} for each in entries]))
+        return
+    click.echo(f"{out}: {len(entries)} frame{'s' if len(entries) > 1 else ''}, thickness {source.thickness:.6g}")
+
+
+mesh_map.params.append(json_option)
+
+
+@click.command(epilog=example("ibrpipe relief dual bunny.ply --side +z --texels 512 --out bunny"))
+@click.argument("mesh", type=PATH)
+@click.option("--side", default="+z", show_default=True, help="Side it is seen from: +x, -x, +y, -y, +z or -z.")
+@click.option("--texels", type=click.IntRange(8, 8192), default=512, show_default=True, help="Along the longer edge.")
+@click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for quad.obj and packed.png.")
+def dual(mesh: Path, side: str, texels: int, out: Path) -> None:
+    """Sample front and back of MESH onto one rectangle: normal x, y and two depths in one image."""
+    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.stages.relief_objects import dual_relief_from_mesh, write_relief_quad
+
+    source = dual_relief_from_mesh(read_mesh(mesh), side, texels)
+    write_relief_quad(source, out)
+    rows, columns = source.height.shape
+    click.echo(f"{out}: {columns} x {rows} texels; relief map {out}/quad.obj --packed {out}/packed.png --edges cut "
+               f"--thickness {source.thickness:.9g}")  # fmt: skip

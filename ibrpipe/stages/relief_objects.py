@@ -1,0 +1,138 @@
+"""Objects as one relief-mapped rectangle with two depths, and frames of relief-mapped meshes along a camera path."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.embree import Hits, MeshCaster
+from ibrpipe.errors import ValueRangeError
+from ibrpipe.io.materials import write_packed
+from ibrpipe.io.paths import CameraPath
+from ibrpipe.relief_mesh import ReliefMesh
+from ibrpipe.renderers.api import prepare, render
+from ibrpipe.stages.render import frame_entry, write_frame
+from ibrpipe.types import Array, Mesh
+
+#: side -> axis looked along, its sign, then the world directions of the picture's right and down
+SIDES = {
+    "+x": ((1, 0, 0), (0, 0, -1), (0, -1, 0)),
+    "-x": ((-1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    "+y": ((0, 1, 0), (1, 0, 0), (0, 0, 1)),
+    "-y": ((0, -1, 0), (1, 0, 0), (0, 0, -1)),
+    "+z": ((0, 0, 1), (1, 0, 0), (0, -1, 0)),
+    "-z": ((0, 0, -1), (-1, 0, 0), (0, -1, 0)),
+}
+#: empty border of the rectangle, in texels
+RIM = 2
+
+
+def dual_relief_from_mesh(mesh: Mesh, side: str = "+z", texels: int = 512) -> ReliefMesh:
+    """Sample front and back of a mesh orthographically onto one rectangle before it (policarpo2005, sec. 4).
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed, or nothing is known of its back.
+    side : {"+x", "-x", "+y", "-y", "+z", "-z"}
+        Side that it is seen from.
+    texels : int
+        Along the longer edge of the rectangle.
+
+    Returns
+    -------
+    ReliefMesh
+        Two triangles; `height` is the nearest surface, `back` the farthest, `normal` that of the nearest.
+    """
+    if side not in SIDES:
+        raise ValueRangeError(f"side is {side!r}; choose among {', '.join(SIDES)}")
+    toward, right, down = (np.array(each, np.float64) for each in SIDES[side])
+    spans = [(mesh.vertices @ axis) for axis in (right, down, toward)]
+    (u0, u1), (v0, v1), (d0, d1) = ((span.min(), span.max()) for span in spans)
+    texel = max(u1 - u0, v1 - v0) / max(texels - 2 * RIM, 1)
+    if not texel > 0:
+        raise ValueRangeError(f"the mesh has no extent seen from {side}; choose another side")
+    columns, rows = (max(2 * RIM + 1, int(np.ceil(each / texel - 1e-9)) + 2 * RIM) for each in (u1 - u0, v1 - v0))
+    u0, v0 = 0.5 * (u0 + u1) - 0.5 * columns * texel, 0.5 * (v0 + v1) - 0.5 * rows * texel
+    thickness = max(d1 - d0, 1e-6 * texel) * 1.002
+    top = 0.5 * (d0 + d1) + 0.5 * thickness
+    y, x = np.mgrid[:rows, :columns] + 0.5
+    starts = (u0 + x[..., None] * texel) * right + (v0 + y[..., None] * texel) * down + (top + texel) * toward
+    ways = np.broadcast_to(-toward, starts.shape).reshape(-1, 3)
+    ray, hits = MeshCaster(mesh).cast_all(starts.reshape(-1, 3), ways)
+    height, back = np.zeros(rows * columns, np.float32), np.ones(rows * columns, np.float32)
+    if len(ray):
+        first = np.r_[True, ray[1:] != ray[:-1]]
+        last = np.r_[first[1:], True]
+        height[ray[first]] = np.clip(1.0 - (hits.t[first] - texel) / thickness, 0.0, 1.0)
+        back[ray[last]] = np.clip(1.0 - (hits.t[last] - texel) / thickness, 0.0, 1.0)
+        normal = _front_normals(mesh, ray[first], hits, first, (right, down, toward), rows * columns)
+    corner = u0 * right + v0 * down + top * toward
+    across, along = columns * texel * right, rows * texel * down
+    places = np.stack([corner + along, corner + along + across, corner + across, corner])
+    uv = np.array([[[0, 1], [1, 1], [1, 0]], [[0, 1], [1, 0], [0, 0]]], np.float64)
+    return ReliefMesh(
+        Mesh(places, np.array([[0, 1, 2], [0, 2, 3]])),
+        uv,
+        height.reshape(rows, columns),
+        thickness,
+        back=back.reshape(rows, columns),
+        normal=normal.reshape(rows, columns, 3) if len(ray) else None,
+        edges="cut",
+    )
+
+
+def _front_normals(
+    mesh: Mesh, texels: Array, hits: Hits, first: Array, axes: tuple[Array, Array, Array], count: int
+) -> Array:
+    """(count, 3) unit normals along u, along v and toward the viewer; straight up where nothing is hit."""
+    found = MeshCaster(mesh).smooth_normals(hits.face[first], hits.uv[first])
+    local = np.stack([found @ axis for axis in axes], axis=1)
+    local = np.where(local[:, 2:] < 0, -local, local)
+    normal = np.tile(np.array([0, 0, 1], np.float32), (count, 1))
+    normal[texels] = local / np.maximum(np.linalg.norm(local, axis=1, keepdims=True), 1e-12)
+    return normal
+
+
+def write_relief_quad(source: ReliefMesh, out: Path) -> None:
+    """Write a relief on two triangles as ``quad.obj`` and ``packed.png``."""
+    out.mkdir(parents=True, exist_ok=True)
+    write_packed(source, out / "packed.png")
+    lines = [f"# {source.thickness!r} units from the front of the relief to its back"]
+    lines += ["v {!r} {!r} {!r}".format(*(float(each) for each in place)) for place in source.mesh.vertices]
+    lines += [f"vt {float(u)!r} {float(1.0 - v)!r}" for u, v in source.uv.reshape(-1, 2)]
+    for f, face in enumerate(source.mesh.faces):
+        lines.append("f " + " ".join(f"{vertex + 1}/{3 * f + c + 1}" for c, vertex in enumerate(face)))
+    (out / "quad.obj").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def render_path(
+    source: ReliefMesh, path: CameraPath, out: Path, options: Mapping[str, Any], repeats: int = 1
+) -> list[dict[str, Any]]:
+    """Render a relief-mapped mesh along a path -> entries of ``frames.json``, which is written beside the frames."""
+    out.mkdir(parents=True, exist_ok=True)
+    prepared = prepare(source, "relief")
+    render(prepared, path[0][1].resized(8, 8), "relief", **options)  # compiles, outside the timer
+    entries = []
+    for name, camera in path:
+        milliseconds = []
+        for _ in range(repeats):
+            began = perf_counter()
+            frame = render(prepared, camera, "relief", **options)
+            milliseconds.append(1e3 * (perf_counter() - began))
+        files = write_frame(frame, out / name)
+        entries.append(frame_entry(name, "relief", camera, frame, files, median(milliseconds)))
+    document = {"renderers": ["relief"], "options": {key: _plain(value) for key, value in options.items()}}
+    text = json.dumps({**document, "frames": entries}, indent=1, ensure_ascii=False)
+    (out / "frames.json").write_text(text + "\n", encoding="utf-8")
+    return entries
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value

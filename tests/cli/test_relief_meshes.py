@@ -1,0 +1,59 @@
+"""``ibrpipe relief map`` and ``ibrpipe relief dual`` through the command line."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner
+
+from ibrpipe.cli.main import cli
+from ibrpipe.io.images import read_depth
+
+
+def call(*words):
+    return CliRunner().invoke(cli, [str(word) for word in words], catch_exceptions=False)
+
+
+@pytest.fixture
+def ball(tmp_path):
+    trimesh.creation.icosphere(2).export(tmp_path / "ball.ply")
+    cv2.imwrite(str(tmp_path / "height.png"), np.tile(np.arange(0, 256, 32, dtype=np.uint8), (8, 1)))
+    return tmp_path / "ball.ply"
+
+
+def test_frames_of_a_mapped_mesh(tmp_path, ball):
+    orbit = "orbit:frames=2,width=40,height=30,up=y"
+    out = tmp_path / "frames"
+    for model, light in (("flat", "--light"), ("shell", "--sun")):
+        done = call("relief", "map", ball, "--height", tmp_path / "height.png", "--repeat", 4, 4, "--path", orbit,
+                    "--model", model, light, 3, 4, 5, "--json", "--out", out)  # fmt: skip
+        assert done.exit_code == 0
+        assert [each["view"] for each in json.loads(done.output)] == ["orbit_0000", "orbit_0001"]
+        frames = json.loads((out / "frames.json").read_text())
+        assert frames["options"]["model"] == model
+        assert (out.parent / frames["frames"][0]["file"]).is_file()
+        assert np.isfinite(read_depth(out / "orbit_0000.exr")).mean() > 0.2
+
+
+def test_dual_depth_object_keeps_its_outline(tmp_path, ball):
+    assert call("relief", "dual", ball, "--side", "-x", "--texels", 64, "--out", tmp_path / "d").exit_code == 0
+    done = call("relief", "map", tmp_path / "d/quad.obj", "--packed", tmp_path / "d/packed.png", "--edges", "cut",
+                "--thickness", 2.004, "--path", "orbit:width=60,height=60,frames=4,elevation=0", "--out",
+                tmp_path / "f")  # fmt: skip
+    assert done.exit_code == 0
+    shares = [np.isfinite(read_depth(file)).mean() for file in sorted((tmp_path / "f").glob("*.exr"))]
+    assert 0.15 < max(shares) < 0.35  # a disc two units deep, not the whole square
+    assert min(shares) == 0.0  # nothing from behind
+
+
+def test_failures_are_one_line(tmp_path, ball):
+    done = call("relief", "map", ball, "--out", tmp_path / "f")
+    assert done.exit_code == 1
+    assert "brings no heights" in done.output
+    assert len(done.output.strip().splitlines()) == 1
+    assert call("relief", "map", ball, "--light", 1, 2, 3, "--sun", 1, 2, 3, "--out", tmp_path / "f").exit_code == 2
+    assert "choose among" in call("relief", "dual", ball, "--side", "up", "--out", tmp_path / "d").output
