@@ -42,30 +42,33 @@ def shade_heights(depth, ids, base, start, turn, color, out, known):
 
 
 @kernel
-def shade_patches(depth, ids, places, samples, firsts, starts, turns, color, out, known):
-    # places (2, P) f32, samples (P, 4) i32 (-1 = none); firsts (F + 1,) i64 first patch of every field;
-    # color (S, 4) f32, the fourth 0 where no photo saw the sample; out (h, w, 3) f32; known (h, w) f32: 0 where a hit's
-    # colour is unknown
+def shade_patches(depth, ids, records, starts, turns, color, out, known):
+    # records (P, 8) i32: column, row, field, 0, samples of four corners (-1 = none); starts (F, 4), turns (F, 4, 3):
+    # rays of every field; color (S, 4) f32, the fourth 0 where no photo saw the sample; out (h, w, 3) f32; known (h, w)
+    # f32: 0 where a hit's colour is unknown
     for y in prange(depth.shape[0]):
+        py = y + 0.5
         for x in range(depth.shape[1]):
-            patch = np.int64(ids[y, x])
-            if not depth[y, x] < np.inf or patch >= places.shape[1]:
+            t, patch = float(depth[y, x]), ids[y, x]
+            if not t < np.inf or patch >= records.shape[0]:
                 continue
-            field = 0
-            while patch >= firsts[field + 1]:
-                field += 1
-            p, q = place_in_cell(
-                x, y, float(depth[y, x]), places[0, patch], places[1, patch], starts[field], turns[field]
-            )
-            total, red, green, blue = 0.0, 0.0, 0.0, 0.0
+            f, px = records[patch, 2], x + 0.5
+            q = starts[f, 3] + t * (turns[f, 3, 0] * px + turns[f, 3, 1] * py + turns[f, 3, 2])
+            u = starts[f, 0] + t * (turns[f, 0, 0] * px + turns[f, 0, 1] * py + turns[f, 0, 2])
+            v = starts[f, 1] + t * (turns[f, 1, 0] * px + turns[f, 1, 1] * py + turns[f, 1, 2])
+            p, r = u / q - records[patch, 0], v / q - records[patch, 1]
+            p, r = np.float32(min(max(p, 0.0), 1.0)), np.float32(min(max(r, 0.0), 1.0))
+            total, red, green, blue = np.float32(0.0), np.float32(0.0), np.float32(0.0), np.float32(0.0)
             for corner in range(4):
-                sample = samples[patch, corner]
-                if sample >= 0:
-                    weight = (p if corner & 1 else 1.0 - p) * (q if corner & 2 else 1.0 - q) * color[sample, 3]
-                    total += weight
-                    red += weight * color[sample, 0]
-                    green += weight * color[sample, 1]
-                    blue += weight * color[sample, 2]
+                sample = records[patch, 4 + corner]
+                weight = (p if corner & 1 else np.float32(1.0) - p) * (r if corner & 2 else np.float32(1.0) - r)
+                weight *= np.float32(1.0) if sample >= 0 else np.float32(0.0)
+                sample = sample if sample >= 0 else 0
+                weight *= color[sample, 3]
+                total += weight
+                red += weight * color[sample, 0]
+                green += weight * color[sample, 1]
+                blue += weight * color[sample, 2]
             if total > 0.0:
                 out[y, x, 0], out[y, x, 1], out[y, x, 2] = red / total, green / total, blue / total
                 known[y, x] = 1.0

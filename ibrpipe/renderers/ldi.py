@@ -16,12 +16,13 @@ from typing import Any
 import numba
 import numpy as np
 
-from ibrpipe.core import ldi_shade, patch_search
+from ibrpipe.core import ldi_shade, patch_project, patch_search
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers import residual_pass
 from ibrpipe.renderers.api import Prepared, Source
 from ibrpipe.renderers.api import prepare as prepare_source
 from ibrpipe.renderers.fields import HeightField, PatchField, build_field
+from ibrpipe.renderers.patch_blocks import Blocks, pack_blocks
 from ibrpipe.renderers.pyramids import Sheet, build_sheets
 from ibrpipe.types import Array, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
 
@@ -68,26 +69,26 @@ class Scene:
         return np.cumsum([0] + [len(field.corners) for _, field in self.patches])
 
     @cached_property
-    def joined(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Corners (4, P), masks, cells (2, P), samples and colours of all patches, joined."""
+    def records(self) -> tuple[Array, Array]:
+        """(P, 8) int32 column, row, field, 0, samples of every patch, and (S, 4) float32 colours; joined."""
         fields = [field for _, field in self.patches]
         shifts = np.cumsum([0] + [len(field.color) for field in fields])
-        samples = [np.where(f.samples >= 0, f.samples + n, -1) for f, n in zip(fields, shifts, strict=False)]
-        return (
-            np.ascontiguousarray(np.concatenate([f.corners for f in fields]).T),
-            np.concatenate([f.masks for f in fields]),
-            np.ascontiguousarray(np.concatenate([f.cells for f in fields]).T, np.float32),
-            np.concatenate(samples).astype(np.int32),
-            np.concatenate([f.color for f in fields]),
-        )
+        records = np.zeros((int(self.firsts[-1]), 8), np.int32)
+        for number, field in enumerate(fields):
+            own = records[self.firsts[number] : self.firsts[number + 1]]
+            own[:, :2], own[:, 2] = field.cells, number
+            own[:, 4:] = np.where(field.samples >= 0, field.samples + shifts[number], -1)
+        return records, np.concatenate([field.color for field in fields])
 
     @cached_property
-    def blocks(self) -> Array:
-        """(B, 3) int64: field, first and last patch of every block of work."""
-        size, rows = patch_search.BLOCK, []
-        for field, (first, last) in enumerate(zip(self.firsts[:-1], self.firsts[1:], strict=True)):
-            rows += [(field, start, min(start + size, last)) for start in range(first, last, size)]
-        return np.array(rows, np.int64).reshape(-1, 3)
+    def blocks(self) -> Blocks:
+        """All patches as the projecting search takes them."""
+        return pack_blocks([field for _, field in self.patches])
+
+    @cached_property
+    def pictures(self) -> list[Array]:
+        """Working memory of finished frames, for the next ones."""
+        return []
 
     @cached_property
     def sheets(self) -> list[Sheet]:
@@ -209,38 +210,57 @@ def find_hits(scene: Scene, camera: Camera, search: str = "auto") -> Hits:
         raise RendererError(f"search is {search!r}; choose among: {', '.join(SEARCHES)}")
     pixels = camera.width * camera.height
     by_rays = search == "quadtree" or (search == "auto" and scene.cells > CROWDED * pixels)
-    chunks = 1 if by_rays else numba.get_num_threads()
-    depth = np.full((chunks, camera.height, camera.width), np.inf, np.float32)
-    ids = np.full(depth.shape, 2**32 - 1, np.uint32)
+    if scene.patches and not by_rays:
+        depth, ids = _project(scene, camera)
+    else:
+        depth = np.full((camera.height, camera.width), np.inf, np.float32)
+        ids = np.full(depth.shape, 2**32 - 1, np.uint32)
     if by_rays:
         for sheet in scene.sheets:
-            sheet.search(camera, depth[0], ids[0])
-    else:
-        _project(scene, camera, depth, ids)
-        if chunks > 1:
-            patch_search.merge(depth, ids)
-    return Hits(depth[0], ids[0])
+            sheet.search(camera, depth, ids)
+    elif scene.heights:
+        _project_heights(scene, camera, depth, ids)
+    return Hits(depth, ids)
 
 
-def _project(scene: Scene, camera: Camera, depth: Array, ids: Array) -> None:
-    if scene.patches:
-        places = [field.place for _, field in scene.patches]
-        starts, turns = (np.stack(part) for part in zip(*(place.rays(camera) for place in places), strict=True))
-        pixels = np.stack([place.pixels(camera) for place in places])
-        eyes = np.array([EYE * field.reach for _, field in scene.patches])
-        signs = np.sign(np.linalg.det(pixels[:, :, :3])) * np.sign(starts[:, 3])  # the line to an eye behind a frame's
-        perspective = np.array([place.perspective for place in places])
-        patch_search.project_patches(
-            *scene.joined[:3], scene.blocks, pixels, pack_rays(starts, turns), eyes, signs, perspective, depth, ids
-        )
+def _project(scene: Scene, camera: Camera) -> tuple[Array, Array]:
+    """Return depth and number of the nearest hit of every pixel with the patches of layered images."""
+    places = [field.place for _, field in scene.patches]
+    starts, turns = (np.stack(part) for part in zip(*(place.rays(camera) for place in places), strict=True))
+    pixels = np.stack([place.pixels(camera) for place in places])
+    eyes = np.array([EYE * field.reach for _, field in scene.patches])
+    signs = np.sign(np.linalg.det(pixels[:, :, :3])) * np.sign(starts[:, 3])  # the line to an eye behind a frame's
+    perspective = np.array([place.perspective for place in places])
+    parts, (columns, rows) = numba.get_num_threads(), (camera.width, camera.height)
+    memory = scene.pictures.pop() if scene.pictures else np.empty(0, np.int64)
+    if len(memory) < parts * columns * rows:
+        memory = np.empty(parts * columns * rows, np.int64)
+    keys = memory[: parts * columns * rows].reshape(parts, columns * rows)
+    patch_project.project_patches(
+        *scene.blocks.arrays, pixels, pack_rays(starts, turns), eyes, signs, perspective, columns, rows, keys
+    )
+    depth, ids = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.uint32)
+    patch_project.merge_pictures(keys, columns, depth, ids)
+    scene.pictures.append(memory)
+    return depth, ids
+
+
+def _project_heights(scene: Scene, camera: Camera, depth: Array, ids: Array) -> None:
+    """Lower `depth` and `ids` where height fields are hit nearer."""
+    parts = numba.get_num_threads()
+    depths, numbers = np.full((parts, *depth.shape), np.inf, np.float32), np.empty((parts, *ids.shape), np.uint32)
+    depths[0], numbers[:] = depth, ids
     for _, field, base in scene.heights:
         start, turn = field.place.rays(camera)
         rows, columns = field.height.shape
         descending = (bool(start[1] > 0.5 * rows), bool(start[0] > 0.5 * columns))
         patch_search.project_heights(
             field.height, field.low, field.high, field.place.pixels(camera), pack_rays(start, turn), EYE * field.reach,
-            descending, base, depth, ids,
+            descending, base, depths, numbers,
         )  # fmt: skip
+    if parts > 1:
+        patch_search.merge(depths, numbers)
+    depth[:], ids[:] = depths[0], numbers[0]
 
 
 def pack_rays(start: Array, turn: Array) -> Array:
@@ -254,8 +274,8 @@ def shade_hits(scene: Scene, hits: Hits, camera: Camera) -> tuple[Array, Array]:
     if scene.patches:
         rays = [field.place.rays(camera) for _, field in scene.patches]
         starts, turns = (np.stack(part) for part in zip(*rays, strict=True))
-        cells, samples, colors = scene.joined[2:]
-        ldi_shade.shade_patches(hits.depth, hits.ids, cells, samples, scene.firsts, starts, turns, colors, color, known)
+        records, colors = scene.records
+        ldi_shade.shade_patches(hits.depth, hits.ids, records, starts, turns, colors, color, known)
     for _, field, base in scene.heights:
         start, turn = field.place.rays(camera)
         ldi_shade.shade_heights(hits.depth, hits.ids, base, start, turn, field.color, color, known)
