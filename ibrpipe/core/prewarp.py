@@ -1,4 +1,4 @@
-"""The 1-D pre-warp of a relief texture: rows, then columns. Source: oliveira2000, sec. 3.1 and 3.2.
+"""The 1-D pre-warp of a relief texture, first pass: rows. Source: oliveira2000, sec. 3.1 and 3.2.
 
 In the texture's own coordinates (columns u, rows v, depth d along f) the eye is E = (e_u, e_v, h), depths counted from
 the plane that is warped into. A texel (u, v, d) is seen through the plane's point ``u_i = u + (u - e_u) g`` and
@@ -7,14 +7,17 @@ the plane that is warped into. A texel (u, v, d) is seen through the plane's poi
 is the plane's point, so its camera depth is that of P over ``1 + g``, and its own u and v are known. g is linear along
 the picture of a straight edge. The passes carry g, one number a texel, in place of row, depth and colour.
 
-Through a side face ("wall", sec. 4.1) displacement and row change places: there g belongs to a whole row, the columns
-are scaled by it, the first pass carries d, and the second coordinate is ``d + (d - h) g``.
+Through a side face ("wall", sec. 4.1) displacement and row change places: there g belongs to a whole row, which is
+scaled by it, the first pass carries d, and the second coordinate is ``d + (d - h) g``.
 
-Order: texels toward the eye's foot (epipole) on either side; a later texel wins. In a line without holes the winner
-at x is the segment after which all texels lie on one side of x: two running maxima find it without branches. Lines
-with holes are painted segment by segment.
+Order: texels toward the eye's foot (epipole) on either side; a later texel wins. In a line without holes the segment
+that is seen at a pixel before the last texel is the last one that passes it *forward*. So every texel writes the two
+pixels that it passes first, without a branch and without a look at what is there: what it writes too much, or of a
+segment that runs back, is written over by those that follow, up to the last texel. Spans of over two pixels are filled
+on. Lines with holes, and lines that are seen beyond their last texel, are painted segment by segment.
 
-Symbols: c cell of a position: the first pixel whose centre is not left of it; o place in the order.
+Symbols: c cell of a position: the first pixel whose centre is not left of it; x position counted from the centre of
+the first pixel.
 """
 
 from __future__ import annotations
@@ -26,14 +29,15 @@ from numba import prange
 
 from ibrpipe.core.jit import fused, helper, kernel
 
-#: columns that are warped together
-LANES = 32
 #: greatest number of texels or pixels in a line; constant places in the working memory let loops be vectorised
 SPAN = 8192
-#: where the cells of texels and the marks of pixels begin in the working memory of a row
-CELLS, MARKS = SPAN, 2 * SPAN
-#: where the winners of columns begin in the working memory of a block of columns
-BELOW = (SPAN + 1) * LANES
+#: where positions, slopes, first and second values begin in the working memory of a row
+PLACES, SLOPES, FIRSTS, SECONDS = SPAN, 2 * SPAN, 3 * SPAN, 4 * SPAN
+#: pixels on both sides of a line that texels may scribble on, and where the line begins
+PAD = 2
+LINE = 5 * SPAN + PAD
+#: rows that one job warps
+ROWS = 8
 #: position of what is not before the eye's plane
 BEYOND = np.float32(1e9)
 #: bit of `breaks`: the texel is not joined to its right neighbour
@@ -54,225 +58,159 @@ def first_pixel(e, start, count):
 
 
 @fused
-def scan_row(buf, first, last, step, begin, end, count):
-    # texels first, first + step, ... last in order, buf[CELLS:] their cells -> buf[MARKS + x], begin <= x < end: place
-    # in the order of the winning segment's earlier texel, -1 = none
-    for x in range(count + 1):
-        buf[MARKS + x] = NONE
-    total = (last - first) * step + 1
-    if total < 2:
-        return
-    for o in range(total):
-        buf[MARKS + np.int64(np.uint32(buf[CELLS + first + o * step]))] = np.float32(o)
-    stop = int(buf[CELLS + last])
-    most = NONE
-    for x in range(count, stop, -1):
-        value = buf[MARKS + x]
-        most = value if value > most else most
-        buf[MARKS + x] = most
-    for x in range(stop, count):
-        buf[MARKS + x] = buf[MARKS + x + 1]
-    most = NONE
-    for x in range(min(stop, end)):
-        value = buf[MARKS + x]
-        most = value if value > most else most
-        buf[MARKS + x] = most
+def clear(buf, first, end):
+    for x in range(end - first):
+        buf[np.uint64(LINE + first) + np.uint64(x)] = HOLE
 
 
 @fused
-def paint_row(buf, breaks, k, first, last, step, begin, end):
-    # as scan_row, segment by segment: none touches a hole (NaN) or a texel that `breaks` parts from its neighbour
-    for x in range(begin, end):
-        buf[MARKS + x] = NONE
+def place(buf, cells, count, begin, eye, zoom, shift, edge, top):
+    # shifts in buf -> places and cells of texels begin .. begin + count - 1; `edge`: first pixel beyond the foot
+    # returns the number of holes, and of texels that move
+    holes, moved = np.int32(0), np.int32(0)
+    for j in range(count):
+        g, u = buf[j], np.float32(np.int32(j)) + begin
+        x = zoom * (u + (u - eye) * g) + shift
+        x = x if g > NONE else (-BEYOND if u < eye else BEYOND)
+        buf[PLACES + j] = x
+        x = max(x, ZERO if u <= eye else edge)
+        buf[FIRSTS + j] = np.ceil(min(x, edge if u <= eye else top))
+        holes += np.int32(0) if g == g else np.int32(1)
+        moved += np.int32(0) if g == ZERO else np.int32(1)
+    for j in range(count):
+        cells[j] = np.int32(buf[FIRSTS + j])
+    return holes, moved
+
+
+@fused
+def rise(buf, cells, last, split):
+    # texels 0 .. last, places rising toward the foot -> pixels below `split`
+    for j in range(last):
+        x, g = buf[PLACES + j], buf[j]
+        run = buf[PLACES + 1 + j] - x
+        slope = (buf[1 + j] - g) / (run if run != ZERO else ONE)
+        value = g + (np.float32(cells[j]) - x) * slope
+        buf[SLOPES + j] = slope
+        buf[FIRSTS + j] = value
+        buf[SECONDS + j] = value + slope
+    for j in range(last):
+        c, n = np.int64(cells[j]), np.int64(cells[1 + j])
+        to = np.uint64(LINE + c)
+        buf[to] = buf[FIRSTS + j]
+        buf[to + np.uint64(1)] = buf[SECONDS + j]
+        if n - c > 2:
+            for x in range(c + 2, min(n, split)):
+                buf[LINE + x] = buf[FIRSTS + j] + np.float32(x - c) * buf[SLOPES + j]
+    clear(buf, min(np.int64(cells[last]), split), split + PAD)
+
+
+@fused
+def fall(buf, cells, last, first, split):
+    # texels last .. first, places falling toward the foot -> pixels from `split` on
+    base = np.uint64(first)
+    for m in range(last - first):
+        j = base + np.uint64(m)
+        x, g = buf[j + np.uint64(PLACES + 1)], buf[j + np.uint64(1)]
+        run = buf[j + np.uint64(PLACES)] - x
+        slope = (buf[j] - g) / (run if run != ZERO else ONE)
+        value = g + (np.float32(cells[j + np.uint64(1)]) - ONE - x) * slope
+        buf[j + np.uint64(SLOPES)] = slope
+        buf[j + np.uint64(FIRSTS)] = value
+        buf[j + np.uint64(SECONDS)] = value - slope
+    before, earlier = buf[LINE + split - 1], buf[LINE + split - 2]
+    for back in range(last - first):
+        j = np.uint64(last - 1 - back)
+        c, n = np.int64(cells[j + np.uint64(1)]), np.int64(cells[j])
+        to = np.uint64(LINE - 2 + c)
+        buf[to + np.uint64(1)] = buf[j + np.uint64(FIRSTS)]
+        buf[to] = buf[j + np.uint64(SECONDS)]
+        if c - n > 2:
+            for x in range(max(n, split), c - 2):
+                step = np.float32(x - c + 1)
+                buf[LINE + x] = buf[j + np.uint64(FIRSTS)] + step * buf[j + np.uint64(SLOPES)]
+    clear(buf, split, max(np.int64(cells[first]), split))
+    buf[LINE + split - 1], buf[LINE + split - 2] = before, earlier
+
+
+@fused
+def paint(buf, cells, breaks, k, base, first, last, step, begin, end):
+    # segment by segment in order: none touches a hole (NaN) or a texel that `breaks` parts from its neighbour; `base`:
+    # the texel that buf begins with
     broken = breaks.shape[0] > 0
     for o in range((last - first) * step):
-        i = first + o * step
-        if buf[i] != buf[i] or buf[i + step] != buf[i + step]:
+        j = first + o * step
+        if buf[j] != buf[j] or buf[j + step] != buf[j + step]:
             continue
-        if broken and breaks[k, i if step > 0 else i - 1] & LONE:
+        if broken and breaks[k, base + (j if step > 0 else j - 1)] & LONE:
             continue
-        p, q = int(buf[CELLS + i]), int(buf[CELLS + i + step])
-        for x in range(max(min(p, q), begin), min(max(p, q), end)):
-            buf[MARKS + x] = np.float32(o)
+        c, n = np.int64(cells[j]), np.int64(cells[j + step])
+        if c == n:
+            continue
+        far = j if abs(buf[j]) <= abs(buf[j + step]) else j + step  # the end that is farther from the eye's plane
+        slope = (buf[j + step] - buf[j]) / (buf[PLACES + j + step] - buf[PLACES + j])
+        for x in range(max(min(c, n), begin), min(max(c, n), end)):
+            buf[LINE + x] = buf[far] + (np.float32(x) - buf[PLACES + far]) * slope
 
 
 @kernel
-def warp_rows(height, codes, table, breaks, eye, shifts, window, out):
-    # height (H, W) f32, NaN = hole, or codes (H, W) u8 with table (256,) f32 of shifts (wall: depths); breaks (H, W)
-    # u8, empty = all texels are joined; eye f64: e_u, h from the plane, depth of the plane; shifts (H,) f32: shifts of
-    # the rows (wall), empty for the plane itself
-    # window i64: first row, last row + 1, first texel, last texel, left border of out's first pixel, count, and whether
-    # texels may reach the eye's plane
-    # out (H, >= count) f32: shift (wall: depth) at pixel centres, NaN = nothing, 0 from `count` on; only the window's
-    # rows are written
-    first, last, left, count, careful = window[2], window[3], window[4], window[5], window[6] != 0
-    wall, coded, broken = shifts.shape[0] > 0, table.shape[0] > 0, breaks.shape[0] > 0
+def warp_rows(height, codes, table, breaks, eye, axis, window, out):
+    # height (H, W) f32, NaN = hole, or codes (H, W) u8 with table (256,) f32 of shifts; breaks (H, W) u8, empty = all
+    # texels are joined; eye f64: e_u, h from the plane, depth of the plane; axis f64: pixels per texel, and where
+    # u = 0 falls, counted from the first pixel's centre
+    # window i64: first row, last row + 1, first texel, last texel, count of pixels, whether texels may reach the eye's
+    # plane
+    # out (H, >= count) f32: shift at pixel centres, NaN = nothing, 0 from `count` on; only the window's rows are written
+    first, count, careful = window[2], window[4], window[5] != 0
+    last = window[3] - first
+    coded, broken = table.shape[0] > 0, breaks.shape[0] > 0
     e, h, ground = np.float32(eye[0]), np.float32(eye[1]), np.float32(eye[2])
-    top, origin, tiny = np.float32(count), np.float32(left + 0.5), np.float32(1e-6) * abs(np.float32(eye[1]))
-    foot = last_before(eye[0], height.shape[1])
-    split = count if wall else first_pixel(eye[0], left, count)
-    ends = (last, last) if wall else (min(foot + 1, last), max(foot, first))
-    for job in prange(window[1] - window[0]):
-        k = window[0] + np.int64(job)
-        buf = np.empty(3 * SPAN, np.float32)
-        shift = shifts[k] if wall else ZERO
-        for x in range(count, out.shape[1]):
-            out[k, x] = ZERO
-        if coded:
-            for i in range(first, last + 1):
-                buf[i] = table[codes[k, i]]
-        elif wall:
-            for i in range(first, last + 1):
-                buf[i] = height[k, i]
-        else:
-            for i in range(first, last + 1):
-                d = height[k, i] - ground
-                away = h - d
-                away = away if abs(away) > tiny else -tiny
-                buf[i] = d / away
-        holes, moved = np.int32(0), np.int32(0)
-        for i in range(first, last + 1):
-            g = shift if wall else buf[i]
-            u = np.float32(i) + HALF
-            p = u + (u - e) * g
-            p = p if g > NONE else (-BEYOND if u < e else BEYOND)
-            buf[CELLS + i] = np.ceil(min(max(p - origin, ZERO), top))
-            holes += np.int32(0) if buf[i] == buf[i] else np.int32(1)
-            moved += np.int32(0) if g == ZERO else np.int32(1)
-        if broken:
-            for i in range(first, last + 1):
-                holes += np.int32(breaks[k, i] & LONE)
-        if moved == 0 and holes == 0 and not wall:
+    zoom, shift, begin = np.float32(axis[0]), np.float32(axis[1]), np.float32(first) + HALF
+    tiny = np.float32(1e-6) * abs(h)
+    foot = last_before(eye[0], height.shape[1]) - first
+    split = first_pixel(eye[0] * axis[0] + axis[1] + 0.5, 0, count)
+    to, off = min(foot + 1, last), max(foot, 0)
+    aligned = zoom == ONE and shift - HALF == np.round(shift - HALF)
+    for job in prange((window[1] - window[0] + ROWS - 1) // ROWS):
+        buf = np.empty(LINE + SPAN + PAD, np.float32)
+        cells = np.empty(SPAN, np.int32)
+        for k in range(window[0] + np.int64(job) * ROWS, min(window[0] + np.int64(job + 1) * ROWS, window[1])):
+            for x in range(count, out.shape[1]):
+                out[k, x] = ZERO
+            if coded:
+                row = codes[k, first : window[3] + 1]
+                for j in range(last + 1):
+                    buf[j] = table[row[j]]
+            else:
+                line = height[k, first : window[3] + 1]
+                for j in range(last + 1):
+                    d = line[j] - ground
+                    away = h - d
+                    buf[j] = d / (away if abs(away) > tiny else -tiny)
+            holes, moved = place(buf, cells, last + 1, begin, e, zoom, shift, np.float32(split), np.float32(count))
+            if broken:
+                for i in range(first, window[3]):
+                    holes += np.int32(breaks[k, i] & LONE)
+            if moved == 0 and holes == 0 and aligned:
+                for x in range(count):
+                    j = np.int64(np.round(np.float32(x) - shift - HALF)) - first
+                    out[k, x] = ZERO if j >= 0 and j <= last else HOLE
+                continue
+            clear(buf, -PAD, count + PAD)
+            if split > 0 and to > 0:
+                highest = np.int32(0)
+                for j in range(to):
+                    highest = max(highest, cells[j])
+                if holes == 0 and not careful and highest <= cells[to]:
+                    rise(buf, cells, to, split)
+                else:
+                    paint(buf, cells, breaks, k, first, 0, to, 1, 0, split)
+            if split < count and off < last:
+                lowest = np.int32(count)
+                for m in range(last - off):
+                    lowest = min(lowest, cells[np.uint64(off + 1) + np.uint64(m)])
+                if holes == 0 and not careful and lowest >= cells[off]:
+                    fall(buf, cells, last, off, split)
+                else:
+                    paint(buf, cells, breaks, k, first, last, off, -1, split, count)
             for x in range(count):
-                out[k, x] = ZERO if x + left >= first and x + left < last + 1 else HOLE
-            continue
-        for side in range(2):
-            a, b, begin, step = (0, split, first, 1) if side == 0 else (split, count, last, -1)
-            if a >= b:
-                continue
-            if holes > 0:
-                paint_row(buf, breaks, k, begin, ends[side], step, a, b)
-            else:
-                scan_row(buf, begin, ends[side], step, a, b, count)
-            lowest, sign = np.float32(begin if side == 0 else begin - 1), np.float32(step)
-            for x in range(a, b):
-                o = buf[MARKS + x]
-                i = lowest + sign * max(o, ZERO)
-                c = np.uint32(i)
-                va, vb = buf[c], buf[c + np.uint32(1)]
-                ga, gb = (shift, shift) if wall else (va, vb)
-                u = i + HALF
-                pa, pb = u + (u - e) * ga, u + ONE + (u + ONE - e) * gb
-                swap = careful and abs(gb) < abs(ga)  # from the end that is farther from the eye's plane
-                t = (np.float32(np.int32(x)) + origin - (pb if swap else pa)) / (pb - pa)
-                value = (vb if swap else va) + t * (vb - va)
-                out[k, x] = value if o >= ZERO else HOLE
-
-
-@fused
-def paint_column(values, lines, wall, h, gap, x, begin, end, step, origin, ya, yb, count, buf, lane):
-    # buf[y * LANES + lane] for ya <= y < yb: place in the order of the last segment's earlier row, -1 = none
-    before, depth_before = np.int64(-1), ZERO
-    for y in range(ya, yb):
-        buf[y * LANES + lane] = NONE
-    for o in range((end - begin) * step + 1):
-        k = begin + o * step
-        value = values[k, x]
-        if value != value:
-            before = -1
-            continue
-        place = lines[0, k] - origin + lines[1, k] * value
-        cell = np.int64(np.ceil(min(max(place, ZERO), np.float32(count))))
-        depth = value if wall else h * value / (ONE + value)
-        if before >= 0 and abs(depth - depth_before) <= gap:
-            for y in range(max(min(before, cell), ya), min(max(before, cell), yb)):
-                buf[y * LANES + lane] = np.float32(o - 1)
-        before, depth_before = cell, depth
-
-
-@fused
-def scan_column(values, lines, x, begin, end, step, origin, yb, count, buf):
-    # as scan_row for the columns x to x + LANES: buf[y * LANES + lane] for y < yb
-    for y in range((count + 1) * LANES):
-        buf[y] = NONE
-    total = (end - begin) * step + 1
-    if total < 2:
-        return
-    top = np.float32(count)
-    for o in range(total):
-        k = begin + o * step
-        place, gain = lines[0, k] - origin, lines[1, k]
-        for lane in range(LANES):
-            cell = np.ceil(min(max(place + gain * values[k, x + lane], ZERO), top))
-            buf[BELOW + lane] = cell
-        for lane in range(LANES):
-            buf[np.int64(np.uint32(buf[BELOW + lane])) * LANES + lane] = np.float32(o)
-    stop = count
-    for lane in range(LANES):
-        stop = min(stop, int(buf[BELOW + lane]))
-    for lane in range(LANES):
-        buf[BELOW + count * LANES + lane] = buf[count * LANES + lane]
-    for back in range(count - stop):
-        y = count - 1 - back
-        for lane in range(LANES):
-            value = buf[y * LANES + lane]
-            most = buf[BELOW + (y + 1) * LANES + lane]
-            buf[BELOW + y * LANES + lane] = value if value > most else most
-    for y in range(1, yb):
-        for lane in range(LANES):
-            value, most = buf[y * LANES + lane], buf[(y - 1) * LANES + lane]
-            buf[y * LANES + lane] = value if value > most else most
-    for y in range(stop, yb):
-        for lane in range(LANES):
-            ahead, behind = buf[BELOW + (y + 1) * LANES + lane], buf[y * LANES + lane]
-            buf[y * LANES + lane] = ahead if ahead < behind else behind
-
-
-@kernel
-def warp_columns(values, flat, lines, wall, eye, gap, window, out):
-    # values (H, stride) f32 from warp_rows and the same flat, stride a multiple of LANES; lines (3, H) f32: a row's
-    # second coordinate is lines[0] + lines[1] * value, its shift lines[2] (wall) or the value itself; eye f64: h from
-    # the plane; gap: greatest step of depth between joined samples
-    # window i64: first row, last row, columns, split: pixels before it see rows first, ... window[4] in order, the
-    # others last, ... window[5]; top border of out's first pixel
-    # out (count, stride) f32: shift at pixel centres, NaN = nothing
-    first, last, columns, split = window[0], window[1], window[2], window[3]
-    origin, h = np.float32(window[6] + 0.5), np.float32(eye)
-    count, stride = out.shape[0], np.uint32(values.shape[1])
-    for block in prange((columns + LANES - 1) // LANES):
-        begin = np.int64(block) * LANES
-        buf = np.empty(2 * BELOW, np.float32)
-        bad = np.int32(0)
-        for k in range(first, last + 1):
-            for lane in range(LANES):
-                value = values[k, begin + lane]
-                bad += np.int32(0) if value == value else np.int32(1)
-        if bad == 0 and gap < np.inf:
-            for k in range(first, last):
-                for lane in range(LANES):
-                    p, q = values[k, begin + lane], values[k + 1, begin + lane]
-                    p, q = (p, q) if wall else (h * p / (ONE + p), h * q / (ONE + q))
-                    bad += np.int32(1) if abs(p - q) > gap else np.int32(0)
-        for side in range(2):
-            ya, yb, start, step = (0, split, first, 1) if side == 0 else (split, count, last, -1)
-            if ya >= yb:
-                continue
-            if bad > 0:
-                for lane in range(LANES):
-                    paint_column(values, lines, wall, h, gap, begin + lane, start, window[4 + side], step, origin, ya,
-                                 yb, count, buf, lane)  # fmt: skip
-            else:
-                scan_column(values, lines, begin, start, window[4 + side], step, origin, yb, count, buf)
-            lowest, sign = np.float32(start if side == 0 else start - 1), np.float32(step)
-            for y in range(ya, yb):
-                place = np.float32(np.int32(y)) + origin
-                for lane in range(LANES):
-                    o = buf[y * LANES + lane]
-                    k = np.uint32(lowest + sign * max(o, ZERO))
-                    c = k * stride + np.uint32(begin + lane)
-                    va, vb = flat[c], flat[c + stride]
-                    qa, qb = lines[0, k] + lines[1, k] * va, lines[0, k + 1] + lines[1, k + 1] * vb
-                    t = (place - qa) / (qb - qa)
-                    ga, gb = (lines[2, k], lines[2, k + 1]) if wall else (va, vb)
-                    value = ga + t * (gb - ga)
-                    out[y, begin + lane] = value if o >= ZERO else HOLE
+                out[k, x] = buf[LINE + x]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.core import prewarp, prewarp_pipelined
+from ibrpipe.core import prewarp, prewarp_columns, prewarp_pipelined
+from ibrpipe.core.prewarp import PAD
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.prewarp_faces import MOST, Face, Sight, source_range
 from ibrpipe.renderers.prewarp_source import Relief
@@ -92,11 +93,11 @@ def warp_face(
     plan = _wall_plan(relief, view, face) if face.wall else _plane_plan(relief, view, face)
     if plan.rows[1] <= plan.rows[0] or plan.texels[1] <= plan.texels[0]:
         return None
-    stride = -(-count // prewarp.LANES) * prewarp.LANES + 16
-    out = scratch("out", (height, stride))
+    stride = -(-count // prewarp_columns.LANES) * prewarp_columns.LANES + 16
+    out = scratch("out", (height + 2 * PAD, stride))
     warp = _pipelined if settings.method == "pipelined" else _two_pass
     warp(relief, view, face, plan, settings, (left, top, count), out)
-    return out, left, top, count
+    return out[PAD : PAD + height], left, top, count
 
 
 def _field(relief: Relief, face: Face, plan: Plan, settings: Settings) -> tuple[Array, Array, Array]:
@@ -116,18 +117,26 @@ def _two_pass(
     relief: Relief, view: Sight, face: Face, plan: Plan, settings: Settings, place: tuple[int, int, int], out: Array
 ) -> None:
     left, top, count = place
-    (first, last), height = plan.rows, len(out)
+    (first, last), height = plan.rows, len(out) - 2 * PAD
     values = scratch("values", (relief.height.shape[0], out.shape[1]))
-    window = np.array([first, last + 1, *plan.texels, left, count, plan.most > CAREFUL])
     breaks = relief.breaks if relief.broken else _NONE8
-    prewarp.warp_rows(*_field(relief, face, plan, settings), breaks, plan.eye, plan.shifts, window, values)
-    split, ascending, descending = height if plan.order > 0 else 0, last, first
-    if plan.order == 0:
+    field, axis = _field(relief, face, plan, settings), np.array([1.0, -(left + 0.5)])
+    window = np.array([first, last + 1, *plan.texels, count, plan.most > CAREFUL])
+    if face.wall:
+        prewarp_columns.scale_rows(*field, breaks, plan.eye[0], axis, plan.shifts, window, values)
+        start, end = (first, last) if plan.order > 0 else (last, first)
+        way = -1 if plan.eye[1] > np.mean(relief.range) else 1
+        sides = np.array([[start, end, plan.order, way, 0, height], [start, end, plan.order, way, height, height]])
+    else:
+        prewarp.warp_rows(*field, breaks, plan.eye, axis, window, values)
         foot = prewarp.last_before(view.eye[1], relief.height.shape[0])
         split = prewarp.first_pixel(view.eye[1], top, height)
-        ascending, descending = min(foot + 1, last), max(foot, first)
-    window = np.array([first, last, count, split, ascending, descending, top])
-    prewarp.warp_columns(values, values.ravel(), plan.lines, face.wall, plan.eye[1], relief.gap, window, out)
+        ends = min(foot + 1, last), max(foot, first)
+        sides = np.array([[first, ends[0], 1, 1, 0, split], [last, ends[1], -1, -1, split, height]])
+        sides[:, 5] = np.where((sides[:, 1] - sides[:, 0]) * sides[:, 2] > 0, sides[:, 5], sides[:, 4])
+    lines = plan.lines.copy()
+    lines[0] -= np.float32(top + 0.5)
+    prewarp_columns.warp_columns(values, lines, face.wall, plan.eye[1], relief.gap, sides, count, out)
 
 
 def _pipelined(
@@ -146,7 +155,7 @@ def _pipelined(
     breaks = relief.breaks if relief.broken else _NONE8
     window = np.array([*plan.rows, count, left, top, plan.order])
     ranges = np.stack([np.maximum(ranges[:, 0], plan.texels[0]), np.minimum(ranges[:, 1], plan.texels[1])], axis=1)
-    prewarp_pipelined.pipeline(places, breaks, ranges, feet, window, out)
+    prewarp_pipelined.pipeline(places, breaks, ranges, feet, window, out[PAD : len(out) - PAD])
 
 
 def _magnification(low: float, high: float, at: float, h: float) -> tuple[float, float]:
