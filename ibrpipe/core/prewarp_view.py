@@ -16,7 +16,7 @@ from ibrpipe.core.jit import helper, kernel
 
 #: pixels that are worked on together; constant places in the working memory
 CHUNK = 256
-ONE, ZERO, HALF, HOLE = (np.float32(x) for x in (1.0, 0.0, 0.5, np.nan))
+ONE, ZERO, HALF, MISS = (np.float32(x) for x in (1.0, 0.0, 0.5, np.inf))
 
 
 @helper
@@ -45,90 +45,115 @@ def row_span(homography, bounds, y, width):
 
 
 @kernel
-def view_depth(shifts, stride, homography, bounds, jump, out):
+def view_depth(shifts, stride, homography, bounds, jump, fresh, out):
     # shifts flat f32, rows of `stride`; homography (4, 3) f64: x, y, weight of plane pixels, weight of depth: a pixel's
     # plane depth is homography[3, 2] / weight; bounds f64: x0, x1, y0, y1 of the rectangle in plane pixels, columns,
-    # rows jump: greatest difference of neighbouring shifts over (1 + g)^2 on one surface; out (h, w) f32 is lowered
-    columns, rows = int(bounds[4]), int(bounds[5])
-    line = np.uint32(stride)
-    right, bottom = np.float32(columns - 1), np.float32(rows - 1)
-    limit = np.float32(jump)
+    # rows (two at least); jump: greatest difference of neighbouring shifts over (1 + g)^2 on one surface
+    # out (h, w) f32 is lowered, or where `fresh` written
+    right, bottom = np.float32(int(bounds[4]) - 2), np.float32(int(bounds[5]) - 2)
+    line, below, limit = np.uint32(stride), np.uint64(stride), np.float32(jump)
+    xb, yb, wb = np.float32(homography[0, 0]), np.float32(homography[1, 0]), np.float32(homography[2, 0])
+    far = np.float32(homography[3, 2])
     for y in prange(out.shape[0]):
         first, end = row_span(homography, bounds, y, out.shape[1])
-        py = y + 0.5
-        begin = (homography[0, 1] * py + homography[0, 2], homography[1, 1] * py + homography[1, 2],
-                 homography[2, 1] * py + homography[2, 2])  # fmt: skip
-        xa, ya, wa = np.float32(begin[0]), np.float32(begin[1]), np.float32(begin[2])
-        xb, yb, wb = np.float32(homography[0, 0]), np.float32(homography[1, 0]), np.float32(homography[2, 0])
-        far = np.float32(homography[3, 2])
-        buf = np.empty(4 * CHUNK, np.float32)
+        py, row = y + 0.5, out[y]
+        xa = np.float32(homography[0, 1] * py + homography[0, 2])
+        ya = np.float32(homography[1, 1] * py + homography[1, 2])
+        wa = np.float32(homography[2, 1] * py + homography[2, 2])
+        buf = np.empty(7 * CHUNK, np.float32)
+        corner = np.empty(CHUNK, np.uint32)
+        if fresh:
+            for x in range(first):
+                row[x] = MISS
+            for x in range(row.shape[0] - end):
+                row[np.uint64(end) + np.uint64(x)] = MISS
         for start in range(first, end, CHUNK):
-            count = min(CHUNK, end - start)
+            count, here = min(CHUNK, end - start), np.float32(start) + HALF
             for n in range(count):
-                px = np.float32(start + n) + HALF
+                px = np.float32(np.int32(n)) + here
                 w = ONE / (wa + wb * px)
-                buf[n] = min(max((xa + xb * px) * w - HALF, ZERO), right)
-                buf[CHUNK + n] = min(max((ya + yb * px) * w - HALF, ZERO), bottom)
+                x = min(max((xa + xb * px) * w - HALF, ZERO), right + ONE)
+                v = min(max((ya + yb * px) * w - HALF, ZERO), bottom + ONE)
+                i, j = min(np.floor(x), right), min(np.floor(v), bottom)
+                buf[n] = x - i
+                buf[CHUNK + n] = v - j
                 buf[2 * CHUNK + n] = far * w
+                corner[n] = np.uint32(np.int32(j)) * line + np.uint32(np.int32(i))
             for n in range(count):
-                x, v = buf[n], buf[CHUNK + n]
-                i, j = np.float32(np.uint32(x)), np.float32(np.uint32(v))
-                p, q = x - i, v - j
-                c = np.uint32(j) * line + np.uint32(i)
-                c10, c01 = c + np.uint32(ONE if i < right else ZERO), c + (line if j < bottom else np.uint32(0))
-                a, b, d = shifts[c], shifts[c10], shifts[c01]
-                e = shifts[c01 + (c10 - c)]
+                c = np.uint64(corner[n])
+                buf[3 * CHUNK + n] = shifts[c]
+                buf[4 * CHUNK + n] = shifts[c + np.uint64(1)]
+                buf[5 * CHUNK + n] = shifts[c + below]
+                buf[6 * CHUNK + n] = shifts[c + below + np.uint64(1)]
+            for n in range(count):
+                p, q = buf[n], buf[CHUNK + n]
+                a, b, d, e = buf[3 * CHUNK + n], buf[4 * CHUNK + n], buf[5 * CHUNK + n], buf[6 * CHUNK + n]
                 low, high = min(min(a, b), min(d, e)), max(max(a, b), max(d, e))
                 upper, lower = a + p * (b - a), d + p * (e - d)
                 smooth = upper + q * (lower - upper)
                 near = (a if p < HALF else b) if q < HALF else (d if p < HALF else e)
                 whole = high - low <= limit * (ONE + near) * (ONE + near) and smooth == smooth
-                buf[3 * CHUNK + n] = ONE + (smooth if whole else near)
-            for n in range(count):
-                more, before = buf[3 * CHUNK + n], out[y, start + n]
-                z = buf[2 * CHUNK + n] / more if more > ZERO else np.float32(np.inf)
-                out[y, start + n] = z if z < before else before
+                more = ONE + (smooth if whole else near)
+                z = buf[2 * CHUNK + n] / (more if more > ZERO else ONE)
+                buf[n] = z if more > ZERO else MISS
+            to = np.uint64(start)
+            if fresh:
+                for n in range(count):
+                    row[to + np.uint64(n)] = buf[n]
+            else:
+                for n in range(count):
+                    before = row[to + np.uint64(n)]
+                    row[to + np.uint64(n)] = buf[n] if buf[n] < before else before
 
 
 @kernel
 def view_color(depth, before, homography, places, color, size, out, alpha):
-    # depth, before (h, w) f32: where depth < before, this texture is seen; places (2, 3) f64: u, v of a ray at camera
-    # depth t are e + t * (pixel's way): `homography` (2, 3) f64 gives the ways, places (2,) the eye's u, v
-    # color flat f32 (H, W, 3), size (H, W); out (h, w, 3), alpha (h, w) f32
-    rows, columns = np.float32(size[0] - 1), np.float32(size[1] - 1)
-    line, step = np.uint32(3 * size[1]), np.uint32(3)
-    e_u, e_v = places[0], places[1]
+    # depth (h, w) f32, before the same or empty = inf: where depth < before, this texture is seen; homography (2, 3)
+    # f64 gives the ways, places (2,) f64 the eye's u, v: a ray's u, v at camera depth t are places + t * way
+    # color (H W, 4) f32, size (H, W); out (h, w, 3), alpha (h, w) f32; all pixels are written where `before` is empty
+    rows, columns = float(size[0] - 1), float(size[1] - 1)
+    line, fresh = np.uint32(size[1]), before.shape[0] == 0
+    right, bottom = max(columns - 1.0, 0.0), max(rows - 1.0, 0.0)
+    beside, below = np.uint64(1 if columns > 0 else 0), np.uint64(size[1] if rows > 0 else 0)
+    e_u, e_v = places[0] - 0.5, places[1] - 0.5
     for y in prange(depth.shape[0]):
         buf = np.empty(2 * CHUNK, np.float32)
+        corner = np.empty(CHUNK, np.uint32)
+        mine = np.empty(CHUNK, np.uint8)
         py = y + 0.5
         ua, va = homography[0, 1] * py + homography[0, 2], homography[1, 1] * py + homography[1, 2]
         for start in range(0, depth.shape[1], CHUNK):
-            count = min(CHUNK, depth.shape[1] - start)
+            count, to = min(CHUNK, depth.shape[1] - start), np.uint64(start)
             seen = np.int32(0)
             for n in range(count):
-                seen += np.int32(1) if depth[y, start + n] < before[y, start + n] else np.int32(0)
-            if seen == 0:
+                x = to + np.uint64(n)
+                here = depth[y, x] < (MISS if fresh else before[y, x])
+                mine[n] = np.uint8(1) if here else np.uint8(0)
+                seen += np.int32(1) if here else np.int32(0)
+            if seen == 0 and not fresh:
                 continue
             for n in range(count):
-                t = float(depth[y, start + n])
-                px = start + n + 0.5
-                u = e_u + t * (ua + homography[0, 0] * px) - 0.5
-                v = e_v + t * (va + homography[1, 0] * px) - 0.5
-                buf[n] = min(max(np.float32(u), ZERO), columns) if t < np.inf else ZERO
-                buf[CHUNK + n] = min(max(np.float32(v), ZERO), rows) if t < np.inf else ZERO
+                t = float(depth[y, to + np.uint64(n)])
+                t = t if t < np.inf else 0.0
+                px = float(np.int32(start) + np.int32(n)) + 0.5
+                u = min(max(e_u + t * (ua + homography[0, 0] * px), 0.0), columns)
+                v = min(max(e_v + t * (va + homography[1, 0] * px), 0.0), rows)
+                i, j = min(np.floor(u), right), min(np.floor(v), bottom)
+                buf[n] = np.float32(u - i)
+                buf[CHUNK + n] = np.float32(v - j)
+                corner[n] = np.uint32(np.int32(j)) * line + np.uint32(np.int32(i))
             for n in range(count):
-                u, v = buf[n], buf[CHUNK + n]
-                i, j = np.float32(np.uint32(u)), np.float32(np.uint32(v))
-                p, q = u - i, v - j
-                a = np.uint32(j) * line + np.uint32(i) * step
-                b = a + (step if i < columns else np.uint32(0))
-                c = a + (line if j < rows else np.uint32(0))
-                d = c + (b - a)
-                mine = depth[y, start + n] < before[y, start + n]
+                x = to + np.uint64(n)
+                if mine[n] == 0:
+                    if fresh:
+                        out[y, x, 0], out[y, x, 1], out[y, x, 2], alpha[y, x] = ZERO, ZERO, ZERO, ZERO
+                    continue
+                p, q = buf[n], buf[CHUNK + n]
+                c = np.uint64(corner[n])
+                d = c + below
+                wb, wc, wd = p * (ONE - q), (ONE - p) * q, p * q
+                wa = ONE - wb - wc - wd
                 for k in range(3):
-                    m = np.uint32(k)
-                    upper = color[a + m] + p * (color[b + m] - color[a + m])
-                    lower = color[c + m] + p * (color[d + m] - color[c + m])
-                    value = upper + q * (lower - upper)
-                    out[y, start + n, k] = value if mine else out[y, start + n, k]
-                alpha[y, start + n] = ONE if mine else alpha[y, start + n]
+                    value = wa * color[c, k] + wb * color[c + beside, k]
+                    out[y, x, k] = value + wc * color[d, k] + wd * color[d + beside, k]
+                alpha[y, x] = ONE

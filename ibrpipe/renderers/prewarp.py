@@ -15,7 +15,7 @@ from ibrpipe.core import prewarp_view
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers import ldi
 from ibrpipe.renderers.ldi import limited_threads
-from ibrpipe.renderers.prewarp_faces import Face, Sight, plane_face, sight, wall_face
+from ibrpipe.renderers.prewarp_faces import Face, Sight, plane_face, sight, wall_face, wide_plane
 from ibrpipe.renderers.prewarp_passes import Settings, warp_face
 from ibrpipe.renderers.prewarp_source import Relief, build_relief
 from ibrpipe.types import Array, Camera, Frame
@@ -26,6 +26,8 @@ FALLBACKS = ("auto", "never", "always")
 FEWEST = 4
 #: texels from a relief's box within which the eye is too near for a pre-warped picture
 NEAR = 2.0
+#: greatest magnification of texels on a plane that is drawn with its outliers, in place of side walls
+WIDEST = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,54 @@ class Scene:
     def bytes(self) -> int:
         """Bytes held beyond the sources."""
         return sum(relief.bytes for relief in self.reliefs)
+
+
+@dataclass(eq=False)
+class Canvas:
+    """A frame in the making: its arrays hold nothing until the first face is drawn.
+
+    Attributes
+    ----------
+    depth : (H, W) float32
+    color, alpha : (H, W, 3), (H, W) float32, without pixels unless `shaded`
+    shaded, drawn, colored : bool
+        Whether colours are wanted; whether depth, and colours, have been written.
+    """
+
+    depth: Array
+    color: Array
+    alpha: Array
+    shaded: bool
+    drawn: bool = False
+    colored: bool = False
+
+    @classmethod
+    def blank(cls, height: int, width: int, shaded: bool) -> Canvas:
+        """Return one on which nothing has been drawn."""
+        size = (height, width) if shaded else (0, 0)
+        return cls(np.empty((height, width), np.float32), np.empty((*size, 3), np.float32),
+                   np.empty(size, np.float32), shaded)  # fmt: skip
+
+    def before(self) -> Array:
+        """Return the depths so far for the colours to compare with, or an empty array where there are none."""
+        if self.drawn and self.shaded:
+            self.fill()
+            return self.depth.copy()
+        return np.empty((0, 0), np.float32)
+
+    def fill(self) -> None:
+        """Write background into what has not been written."""
+        if not self.drawn:
+            self.depth.fill(np.inf)
+        if not self.colored:
+            self.color.fill(0.0)
+            self.alpha.fill(0.0)
+        self.drawn = self.colored = True
+
+    def finished(self) -> tuple[Array, Array, Array]:
+        """Return depth, colour and alpha, all written."""
+        self.fill()
+        return self.depth, self.color, self.alpha
 
 
 def prepare(textures: tuple[Any, ...]) -> Scene:
@@ -69,19 +119,18 @@ def draw(
         raise RendererError(f"fallback is {fallback!r}; choose among: {', '.join(FALLBACKS)}")
     settings = Settings(method, depth_bits)
     began = perf_counter()
-    shape = (camera.height, camera.width)
-    depth = np.full(shape, np.inf, np.float32)
     shaded = bool({"color", "alpha"} & set(outputs))
-    color, alpha = (np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)) if shaded else (None, None)
+    canvas = Canvas.blank(camera.height, camera.width, shaded)
     with limited_threads(threads):
         near = [fallback == "always" or (fallback == "auto" and _is_near(each, camera)) for each in scene.reliefs]
         for relief, exact in zip(scene.reliefs, near, strict=True):
             if exact:
-                _draw_exact(relief, camera, depth, color, alpha)
+                _draw_exact(relief, camera, canvas)
                 continue
             number = projected_level(relief, camera) if level == "auto" else int(level)
             chosen = relief.level(number).joined_up_to(max_step)
-            _draw_relief(chosen, camera, settings, depth, color, alpha)
+            _draw_relief(chosen, camera, settings, canvas)
+    depth, color, alpha = canvas.finished()
     stats: dict[str, Any] = {
         "rays": depth.size,
         "exact": sum(near),
@@ -95,25 +144,17 @@ def draw(
     )
 
 
-def _draw_relief(
-    relief: Relief, camera: Camera, settings: Settings, depth: Array, color: Array | None, alpha: Array | None
-) -> None:
+def _draw_relief(relief: Relief, camera: Camera, settings: Settings, canvas: Canvas) -> None:
     view = sight(relief.frame, camera)
-    before = depth.copy() if color is not None else depth
+    before, drawn = canvas.before(), False
     for face, swapped in visible_faces(relief, view):
         turned, seen = (relief.swapped, view.swapped()) if swapped else (relief, view)
-        _draw_face(turned, seen, face, settings, depth)
-    if color is not None and alpha is not None:
-        prewarp_view.view_color(
-            depth,
-            before,
-            view.ways[:2],
-            view.eye[:2],
-            relief.color.ravel(),
-            np.array(relief.height.shape),
-            color,
-            alpha,
-        )
+        drawn |= _draw_face(turned, seen, face, settings, canvas)
+    if drawn and canvas.shaded:
+        rays = view.ways[:2], view.eye[:2]
+        size = np.array(relief.height.shape)
+        prewarp_view.view_color(canvas.depth, before, *rays, relief.texels, size, canvas.color, canvas.alpha)
+        canvas.colored = True
 
 
 def _is_near(relief: Relief, camera: Camera) -> bool:
@@ -129,17 +170,18 @@ def _is_near(relief: Relief, camera: Camera) -> bool:
     )
 
 
-def _draw_exact(relief: Relief, camera: Camera, depth: Array, color: Array | None, alpha: Array | None) -> None:
+def _draw_exact(relief: Relief, camera: Camera, canvas: Canvas) -> None:
     """Render by the exact search of renderer ldi: the micro-polygons of a relief that is too near."""
     if "exact" not in relief.made:
         relief.made["exact"] = ldi.prepare((relief.source,))
-    outputs = ("depth",) if color is None else ("color", "depth", "alpha")
+    outputs = ("color", "depth", "alpha") if canvas.shaded else ("depth",)
     frame = ldi.draw(relief.made["exact"], camera, outputs, residuals=False)
+    canvas.fill()
     found = np.asarray(frame.depth)
-    nearer = found < depth
-    depth[nearer] = found[nearer]
-    if color is not None and alpha is not None and frame.color is not None and frame.alpha is not None:
-        color[nearer], alpha[nearer] = frame.color[nearer], frame.alpha[nearer]
+    nearer = found < canvas.depth
+    canvas.depth[nearer] = found[nearer]
+    if frame.color is not None and frame.alpha is not None:
+        canvas.color[nearer], canvas.alpha[nearer] = frame.color[nearer], frame.alpha[nearer]
 
 
 def projected_level(relief: Relief, camera: Camera) -> int:
@@ -167,6 +209,10 @@ def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:
     e_u, e_v, h = view.eye
     if not low <= high or (relief.front_only and h >= high):
         return []
+    base, near = (low, high) if h > high else (high, low)
+    if not low <= h <= high and abs(h - base) <= WIDEST * abs(h - near):
+        wide = None if h > high and relief.front_only else wide_plane(view, rows, columns, (low, high), base)
+        return [] if wide is None else [(wide, False)]
     found: list[tuple[Face | None, bool]] = []
     if h > low and not relief.front_only:
         found.append((plane_face(view, rows, columns, low), False))
@@ -180,10 +226,10 @@ def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:
     return [(face, swapped) for face, swapped in found if face is not None]
 
 
-def _draw_face(relief: Relief, view: Sight, face: Face, settings: Settings, depth: Array) -> None:
+def _draw_face(relief: Relief, view: Sight, face: Face, settings: Settings, canvas: Canvas) -> bool:
     picture = warp_face(relief, view, face, settings)
     if picture is None:
-        return
+        return False
     shifts, left, top, columns = picture
     homography = np.zeros((4, 3))
     homography[:3] = face.homography
@@ -193,4 +239,9 @@ def _draw_face(relief: Relief, view: Sight, face: Face, settings: Settings, dept
     bounds = np.array([*face.window, columns, len(shifts)])
     bounds[:2] -= left
     bounds[2:4] -= top
-    prewarp_view.view_depth(shifts.ravel(), shifts.shape[1], homography, bounds, relief.jump(face, view), depth)
+    jump = relief.jump(face, view)
+    prewarp_view.view_depth(
+        shifts.ravel(), shifts.shape[1], homography, bounds, jump, not canvas.drawn, canvas.depth
+    )
+    canvas.drawn = True
+    return True

@@ -83,6 +83,17 @@ def plane_face(view: Sight, rows: int, columns: int, depth: float) -> Face | Non
     return _face(view, False, depth, 1.0, 0.0, 2, (0, 1), (e_u, e_v), depth - h, (0.5, columns - 0.5, 0.5, rows - 0.5))
 
 
+def wide_plane(view: Sight, rows: int, columns: int, depths: tuple[float, float], depth: float) -> Face | None:
+    """Return the face d = `depth` with all that surfaces between two `depths` reach beyond its borders."""
+    e_u, e_v, h = view.eye
+    ratios = np.array([(h - depth) / (h - d) for d in depths])
+    limits = []
+    for e, count in ((e_u, columns), (e_v, rows)):
+        reached = e + np.outer((0.5 - e, count - 0.5 - e), ratios)
+        limits += [float(reached.min()), float(reached.max())]
+    return _face(view, False, depth, 1.0, 0.0, 2, (0, 1), (e_u, e_v), depth - h, (*limits,))
+
+
 def wall_face(view: Sight, columns: int, at: float, low: float, high: float, pitch: float) -> Face | None:
     """Return the face v = `at` between the depths `low` and `high`."""
     e_u, e_v, h = view.eye
@@ -101,7 +112,7 @@ def _face(
     along: tuple[int, int],
     foot: tuple[float, float],
     reach: float,
-    limits: tuple[float, float, float, float],
+    limits: tuple[float, ...],
 ) -> Face | None:
     """Homography of pixels onto the face that `axis` crosses; `reach`: its place minus the eye's."""
     if reach == 0.0:
@@ -114,7 +125,7 @@ def _face(
 
 
 def _visible(
-    homography: Array, view: Sight, limits: tuple[float, float, float, float]
+    homography: Array, view: Sight, limits: tuple[float, ...]
 ) -> tuple[float, float, float, float] | None:
     """Clip the face's rectangle by the picture; return the bounds of what is left."""
     scale = np.abs(homography).max()

@@ -87,7 +87,7 @@ def warp_face(
     """
     x0, x1, y0, y1 = face.window
     left, top = int(np.floor(x0 - 0.5)), int(np.floor(y0 - 0.5))
-    count, height = int(np.ceil(x1 + 0.5)) - left, int(np.ceil(y1 + 0.5)) - top
+    count, height = max(int(np.ceil(x1 + 0.5)) - left, 2), max(int(np.ceil(y1 + 0.5)) - top, 2)
     if max(count, height) > prewarp.SPAN:
         raise RendererError(f"the pre-warped picture would be {count} x {height} pixels; {prewarp.SPAN} is the most")
     plan = _wall_plan(relief, view, face) if face.wall else _plane_plan(relief, view, face)

@@ -113,6 +113,13 @@ class Relief:
         return index.astype(np.uint8), table
 
     @cached_property
+    def texels(self) -> Array:
+        """(H W, 4) float32 colours, the fourth 0: one load a texel."""
+        out = np.zeros((*self.height.shape, 4), np.float32)
+        out[..., :3] = self.color
+        return out.reshape(-1, 4)
+
+    @cached_property
     def swapped(self) -> Relief:
         """The same texture with rows and columns swapped."""
         frame = ParallelFrame(self.frame.origin, self.frame.b, self.frame.a, self.frame.f)
