@@ -36,6 +36,8 @@ PLACES, SLOPES, FIRSTS, SECONDS = SPAN, 2 * SPAN, 3 * SPAN, 4 * SPAN
 #: pixels on both sides of a line that texels may scribble on, and where the line begins
 PAD = 2
 LINE = 5 * SPAN + PAD
+#: columns that the second pass warps together
+LANES = 32
 #: rows that one job warps
 ROWS = 8
 #: position of what is not before the eye's plane
@@ -61,6 +63,16 @@ def first_pixel(e, start, count):
 def clear(buf, first, end):
     for x in range(end - first):
         buf[np.uint64(LINE + first) + np.uint64(x)] = HOLE
+
+
+@fused
+def store(buf, out, k, count):
+    # the line of pixels -> row k of the blocks of columns
+    for x in range(out.shape[0] * LANES - count):
+        buf[np.uint64(LINE + count) + np.uint64(x)] = ZERO
+    for block in range(out.shape[0]):
+        for lane in range(LANES):
+            out[block, k, lane] = buf[LINE + block * LANES + lane]
 
 
 @fused
@@ -159,7 +171,8 @@ def warp_rows(height, codes, table, breaks, eye, axis, window, out):
     # u = 0 falls, counted from the first pixel's centre
     # window i64: first row, last row + 1, first texel, last texel, count of pixels, whether texels may reach the eye's
     # plane
-    # out (H, >= count) f32: shift at pixel centres, NaN = nothing, 0 from `count` on; only the window's rows are written
+    # out (blocks, >= H, LANES) f32: shift at pixel centres, NaN = nothing, 0 from `count` on: pixel x of row k stands
+    # at [x // LANES, k, x % LANES]; only the window's rows are written
     first, count, careful = window[2], window[4], window[5] != 0
     last = window[3] - first
     coded, broken = table.shape[0] > 0, breaks.shape[0] > 0
@@ -171,11 +184,9 @@ def warp_rows(height, codes, table, breaks, eye, axis, window, out):
     to, off = min(foot + 1, last), max(foot, 0)
     aligned = zoom == ONE and shift - HALF == np.round(shift - HALF)
     for job in prange((window[1] - window[0] + ROWS - 1) // ROWS):
-        buf = np.empty(LINE + SPAN + PAD, np.float32)
+        buf = np.empty(LINE + SPAN + LANES, np.float32)
         cells = np.empty(SPAN, np.int32)
         for k in range(window[0] + np.int64(job) * ROWS, min(window[0] + np.int64(job + 1) * ROWS, window[1])):
-            for x in range(count, out.shape[1]):
-                out[k, x] = ZERO
             if coded:
                 row = codes[k, first : window[3] + 1]
                 for j in range(last + 1):
@@ -193,7 +204,8 @@ def warp_rows(height, codes, table, breaks, eye, axis, window, out):
             if moved == 0 and holes == 0 and aligned:
                 for x in range(count):
                     j = np.int64(np.round(np.float32(x) - shift - HALF)) - first
-                    out[k, x] = ZERO if j >= 0 and j <= last else HOLE
+                    buf[LINE + x] = ZERO if j >= 0 and j <= last else HOLE
+                store(buf, out, k, count)
                 continue
             clear(buf, -PAD, count + PAD)
             if split > 0 and to > 0:
@@ -212,5 +224,4 @@ def warp_rows(height, codes, table, breaks, eye, axis, window, out):
                     fall(buf, cells, last, off, split)
                 else:
                     paint(buf, cells, breaks, k, first, last, off, -1, split, count)
-            for x in range(count):
-                out[k, x] = buf[LINE + x]
+            store(buf, out, k, count)

@@ -6,10 +6,8 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.jit import fused, kernel
-from ibrpipe.core.prewarp import HOLE, ONE, PAD, ZERO
+from ibrpipe.core.prewarp import HOLE, LANES, ONE, PAD, ZERO
 
-#: columns that are warped together
-LANES = 32
 #: where places and values (of two rows in turn), first and second values and slopes begin in the working memory
 PLACES, VALUES, FIRSTS, SECONDS, SLOPES = 0, 2 * LANES, 4 * LANES, 5 * LANES, 6 * LANES
 #: where rows that are kept begin in it
@@ -19,15 +17,15 @@ LOWEST, HIGHEST, BAD = 2 * LANES, 3 * LANES, 4 * LANES
 
 
 @fused
-def paint_column(values, lines, wall, h, gap, x, side, out):
-    # column x of `values`, segment by segment in the order of `side`
+def paint_column(values, lines, wall, h, gap, lane, x, side, out):
+    # column `lane` of `values` into column x, segment by segment in the order of `side`
     begin, end, count = side[4], side[5], out.shape[0] - 2 * PAD
     for y in range(begin, end):
         out[y + PAD, x] = HOLE
     joined, cell, place, shift, depth = False, np.int64(0), ZERO, ZERO, ZERO
     for o in range((side[1] - side[0]) * side[2] + 1):
         k = side[0] + o * side[2]
-        value = values[k, x]
+        value = values[k, lane]
         if value != value:
             joined = False
             continue
@@ -43,15 +41,15 @@ def paint_column(values, lines, wall, h, gap, x, side, out):
 
 
 @fused
-def place_row(values, lines, wall, k, x, least, most, half, buf, cells):
-    # places, values and cells of row k, columns x to x + LANES; `half`: which of the two rows kept
+def place_row(values, lines, wall, k, least, most, half, buf, cells):
+    # places, values and cells of row k; `half`: which of the two rows kept
     base, gain, own = lines[0, k], lines[1, k], lines[2, k]
-    row = values[k, x : x + LANES]
+    row = values[k]
     for lane in range(LANES):
         value = row[lane]
         to = base + gain * value if value == value else ZERO
         buf[PLACES + half + lane] = to
-        buf[VALUES + half + lane] = own if wall else value
+        buf[VALUES + half + lane] = (own if value == value else HOLE) if wall else value
         cell = np.int32(np.ceil(min(max(to, least), most)))
         cells[half + lane] = cell
         cells[LOWEST + lane] = min(cells[LOWEST + lane], cell)
@@ -59,13 +57,35 @@ def place_row(values, lines, wall, k, x, least, most, half, buf, cells):
 
 
 @fused
-def pass_columns(values, lines, wall, x, side, buf, cells, out):
+def paint_lanes(values, wall, h, gap, x, k, step, half, other, ahead, begin, end, buf, cells, out):
+    # of rows k - step and k: the segments of columns with holes, to their ends and no farther
+    for lane in range(LANES):
+        if cells[BAD + lane] == 0 or not (buf[VALUES + half + lane] == buf[VALUES + half + lane]):
+            continue
+        if not (buf[VALUES + other + lane] == buf[VALUES + other + lane]):
+            continue
+        if gap < np.inf:
+            p, q = values[k - step, lane], values[k, lane]
+            if not wall:
+                p, q = h * p / (ONE + p), h * q / (ONE + q)
+            if abs(p - q) > gap:
+                continue
+        c, n = np.int64(cells[other + lane]), np.int64(cells[half + lane])
+        first = np.float32(c) - ahead
+        for y in range(max(min(c, n), begin), min(max(c, n), end)):
+            out[y + PAD, x + lane] = buf[FIRSTS + lane] + (np.float32(y) - first) * buf[SLOPES + lane]
+
+
+@fused
+def pass_columns(values, lines, wall, h, gap, x, side, buf, cells, out):
     # write what each row passes forward (see `core.prewarp`), columns x to x + LANES; pixels of `side` and up to PAD on
     begin, end, count = side[4], side[5], out.shape[0] - 2 * PAD
     rising = side[3] > 0
     least, most = np.float32(begin), np.float32(end)
+    holes = np.int32(0)
     for lane in range(LANES):
         cells[LOWEST + lane], cells[HIGHEST + lane] = np.int32(count), np.int32(0)
+        holes += np.int32(0) if cells[BAD + lane] == 0 else np.int32(1)
     total = (side[1] - side[0]) * side[2]
     way = np.float32(1.0 if rising else -1.0)
     ahead, start = ZERO if rising else ONE, np.uint64(x)
@@ -73,7 +93,7 @@ def pass_columns(values, lines, wall, x, side, buf, cells, out):
         half, other = (o & 1) * LANES, ((o + 1) & 1) * LANES
         if o == total:
             least, most = ZERO, np.float32(count)
-        place_row(values, lines, wall, side[0] + o * side[2], x, least, most, half, buf, cells)
+        place_row(values, lines, wall, side[0] + o * side[2], least, most, half, buf, cells)
         if o == 0:
             continue
         for lane in range(LANES):
@@ -85,6 +105,8 @@ def pass_columns(values, lines, wall, x, side, buf, cells, out):
             buf[SLOPES + lane] = slope
         if rising:
             for lane in range(LANES):
+                if holes > 0 and cells[BAD + lane] != 0:
+                    continue
                 c, n, column = np.int64(cells[other + lane]), np.int64(cells[half + lane]), start + np.uint64(lane)
                 out[np.uint64(c + PAD), column] = buf[FIRSTS + lane]
                 out[np.uint64(c + PAD + 1), column] = buf[SECONDS + lane]
@@ -94,6 +116,8 @@ def pass_columns(values, lines, wall, x, side, buf, cells, out):
                         out[np.uint64(y + PAD), column] = buf[FIRSTS + lane] + step * buf[SLOPES + lane]
         else:
             for lane in range(LANES):
+                if holes > 0 and cells[BAD + lane] != 0:
+                    continue
                 c, n, column = np.int64(cells[other + lane]), np.int64(cells[half + lane]), start + np.uint64(lane)
                 out[np.uint64(c + PAD - 1), column] = buf[FIRSTS + lane]
                 out[np.uint64(c + PAD - 2), column] = buf[SECONDS + lane]
@@ -101,19 +125,46 @@ def pass_columns(values, lines, wall, x, side, buf, cells, out):
                     for y in range(max(n, begin), c - 2):
                         step = np.float32(y - c + 1)
                         out[np.uint64(y + PAD), column] = buf[FIRSTS + lane] + step * buf[SLOPES + lane]
+        if holes > 0:
+            k = side[0] + o * side[2]
+            paint_lanes(values, wall, h, gap, x, k, side[2], half, other, ahead, begin, end, buf, cells, out)
     half = (total & 1) * LANES
     for lane in range(LANES):
+        if cells[BAD + lane] != 0:
+            continue
         c = np.int64(cells[half + lane])
         low, high = (max(min(c, end), begin), end) if rising else (begin, min(max(c, begin), end))
         for y in range(low, high):
             out[y + PAD, x + lane] = HOLE
         beyond = cells[HIGHEST + lane] > c if rising else cells[LOWEST + lane] < c
-        cells[BAD + lane] |= np.int32(1) if beyond and low < high else np.int32(0)
+        if beyond and low < high:
+            paint_column(values, lines, wall, h, gap, lane, x + lane, side, out)
+
+
+@fused
+def find_holes(values, wall, h, gap, first, last, cells):
+    # cells[BAD:]: whether something is missing in a column -> whether all is missing in all of them
+    for k in range(first, last + 1):
+        row = values[k]
+        for lane in range(LANES):
+            value = row[lane]
+            cells[BAD + lane] += np.int32(0) if value == value else np.int32(1)
+    empty = np.int32(0)
+    for lane in range(LANES):
+        empty += np.int32(1) if cells[BAD + lane] == last + 1 - first else np.int32(0)
+    if gap < np.inf:
+        for k in range(first, last):
+            for lane in range(LANES):
+                p, q = values[k, lane], values[k + 1, lane]
+                if not wall:
+                    p, q = h * p / (ONE + p), h * q / (ONE + q)
+                cells[BAD + lane] |= np.int32(1) if abs(p - q) > gap else np.int32(0)
+    return empty == LANES
 
 
 @kernel
 def warp_columns(values, lines, wall, eye, gap, sides, columns, out):
-    # values (H, stride) f32 from the first pass, stride a multiple of LANES; lines (3, H) f32: a row's place, counted
+    # values (blocks, >= H, LANES) f32 from the first pass; lines (3, H) f32: a row's place, counted
     # from the centre of the first pixel, is lines[0] + lines[1] * value, its shift lines[2] (wall) or the value itself
     # eye f64: h from the plane; gap: greatest step of depth between joined samples
     # sides (2, 6) i64: first row, last row in order, step, 1 = places rise in order, -1 = they fall, first pixel, last
@@ -126,26 +177,12 @@ def warp_columns(values, lines, wall, eye, gap, sides, columns, out):
         x = np.int64(block) * LANES
         buf = np.empty(KEPT + 2 * LANES, np.float32)
         cells = np.zeros(5 * LANES, np.int32)
-        for k in range(first, last + 1):
-            row = values[k, x : x + LANES]
-            for lane in range(LANES):
-                value = row[lane]
-                cells[BAD + lane] += np.int32(0) if value == value else np.int32(1)
-        empty = np.int32(0)
-        for lane in range(LANES):
-            empty += np.int32(1) if cells[BAD + lane] == last + 1 - first else np.int32(0)
-        if gap < np.inf:
-            for k in range(first, last):
-                for lane in range(LANES):
-                    p, q = values[k, x + lane], values[k + 1, x + lane]
-                    if not wall:
-                        p, q = h * p / (ONE + p), h * q / (ONE + q)
-                    cells[BAD + lane] |= np.int32(1) if abs(p - q) > gap else np.int32(0)
-        for y in range(count):
+        empty = find_holes(values[block], wall, h, gap, first, last, cells)
+        for y in range(count):  # this also brings into the cache what is then written here and there
             line = out[y + PAD, x : x + LANES]
             for lane in range(LANES):
                 line[lane] = HOLE
-        if empty == LANES:
+        if empty:
             continue
         for n in range(2):
             side = sides[n]
@@ -154,20 +191,18 @@ def warp_columns(values, lines, wall, eye, gap, sides, columns, out):
             for lane in range(LANES):
                 buf[KEPT + lane] = out[side[4] + PAD - 1, x + lane]
                 buf[KEPT + LANES + lane] = out[side[4] + PAD - 2, x + lane]
-            pass_columns(values, lines, wall, x, side, buf, cells, out)
+            pass_columns(values[block], lines, wall, h, gap, x, side, buf, cells, out)
             for lane in range(LANES):
                 out[side[4] + PAD - 1, x + lane] = buf[KEPT + lane]
                 out[side[4] + PAD - 2, x + lane] = buf[KEPT + LANES + lane]
                 out[side[5] + PAD, x + lane] = HOLE
                 out[side[5] + PAD + 1, x + lane] = HOLE
-                if cells[BAD + lane] > 0:
-                    paint_column(values, lines, wall, h, gap, x + lane, side, out)
 
 
 @kernel
 def scale_rows(height, codes, table, breaks, eye, axis, shifts, window, out):
     # first pass of a wall: as warp_rows, with shifts (H,) f32 of the rows and table (256,) f32 of depths; window i64:
-    # first row, last row + 1, first texel, last texel, count -> out (H, >= count) f32: depth at pixel centres
+    # first row, last row + 1, first texel, last texel, count -> out (blocks, >= H, LANES) f32: depth at pixel centres
     first, last, count = window[2], window[3], window[4]
     coded, broken = table.shape[0] > 0, breaks.shape[0] > 0
     low, high = np.float32(np.int32(first)), np.float32(np.int32(last))
@@ -175,9 +210,7 @@ def scale_rows(height, codes, table, breaks, eye, axis, shifts, window, out):
         k = window[0] + np.int64(job)
         wide = 1.0 / (axis[0] * (1.0 + shifts[k]))
         step, start = np.float32(wide), np.float32(eye - (axis[1] + axis[0] * eye) * wide - 0.5)
-        for x in range(count, out.shape[1]):
-            out[k, x] = ZERO
-        for x in range(count):
+        for x in range(out.shape[0] * LANES):
             u = start + np.float32(np.int32(x)) * step
             inside = u >= low and u <= high
             i = min(np.int64(u), last - 1) if inside else first
@@ -189,4 +222,5 @@ def scale_rows(height, codes, table, breaks, eye, axis, shifts, window, out):
             value = a + t * (b - a)
             if broken and breaks[k, i] & 1:
                 value = HOLE
-            out[k, x] = value if inside else HOLE
+            value = value if inside else HOLE
+            out[x // LANES, k, x % LANES] = value if x < count else ZERO

@@ -5,6 +5,7 @@ Departures from the paper stand in ``docs/renderers/prewarp.md``.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -193,14 +194,17 @@ def projected_level(relief: Relief, camera: Camera) -> int:
     frame, middle = relief.frame, 0.5 * (low + high)
     u, v = np.array([0, columns, columns, 0]), np.array([0, 0, rows, rows])
     corners = frame.origin + u[:, None] * frame.a + v[:, None] * frame.b + middle * frame.f
-    x, y, z = camera.K @ (camera.R @ corners.T + camera.t[:, None])
-    if not (z > 1e-6 * np.abs(z).max()).all():
+    x, y, z = (camera.K @ (camera.R @ corners.T + camera.t[:, None])).tolist()
+    if min(z) <= 1e-6 * max(abs(each) for each in z):
         return 0
-    x, y = x / z, y / z
-    area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
-    sides = np.hypot(np.diff(x, append=x[0]), np.diff(y, append=y[0]))
-    sparest = min(rows * columns / max(area, 1.0), (np.array([columns, rows, columns, rows]) / sides).min() ** 2)
-    return int(min(max(np.floor(0.5 * np.log2(sparest)), 0), 12))
+    x, y = [p / w for p, w in zip(x, z, strict=True)], [p / w for p, w in zip(y, z, strict=True)]
+    area, sparest = 0.0, np.inf
+    for k, texels in enumerate((columns, rows, columns, rows)):
+        area += 0.5 * (x[k - 1] * y[k] - x[k] * y[k - 1])
+        side = math.hypot(x[(k + 1) % 4] - x[k], y[(k + 1) % 4] - y[k])
+        sparest = min(sparest, (texels / max(side, 1e-9)) ** 2)
+    sparest = min(sparest, rows * columns / max(abs(area), 1.0))
+    return int(min(max(math.floor(0.5 * math.log2(sparest)), 0), 12))
 
 
 def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:

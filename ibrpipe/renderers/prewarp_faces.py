@@ -133,26 +133,29 @@ def _visible(
         return None
     pixels = np.linalg.inv(homography / scale)
     left, right, top, bottom = limits
-    corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
     sides = [pixels[2], pixels[0], view.width * pixels[2] - pixels[0], pixels[1], view.height * pixels[2] - pixels[1]]
-    for side in sides:
-        corners = _clip(corners, side)
-        if len(corners) == 0:
+    for a, b, c in np.stack(sides).tolist():
+        corners = _clip(corners, a, b, c)
+        if not corners:
             return None
-    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
-    return float(x0), float(x1), float(y0), float(y1)
+    x, y = zip(*corners, strict=True)
+    return min(x), max(x), min(y), max(y)
 
 
-def _clip(corners: Array, side: Array) -> Array:
-    """Keep the part of a convex polygon (N, 2) where ``side @ (x, y, 1) >= 0``."""
-    level = corners @ side[:2] + side[2]
-    kept: list[Array] = []
-    for here, there, a, b in zip(corners, np.roll(corners, -1, 0), level, np.roll(level, -1), strict=True):
-        if a >= 0:
-            kept.append(here)
-        if (a >= 0) != (b >= 0):
-            kept.append(here + (there - here) * (a / (a - b)))
-    return np.array(kept).reshape(-1, 2)
+def _clip(corners: list[tuple[float, float]], a: float, b: float, c: float) -> list[tuple[float, float]]:
+    """Keep the part of a convex polygon where ``a x + b y + c >= 0``."""
+    kept = []
+    level = [a * x + b * y + c for x, y in corners]
+    for k, (x, y) in enumerate(corners):
+        after = (k + 1) % len(corners)
+        p, q = level[k], level[after]
+        if p >= 0:
+            kept.append((x, y))
+        if (p >= 0) != (q >= 0):
+            t = p / (p - q)
+            kept.append((x + (corners[after][0] - x) * t, y + (corners[after][1] - y) * t))
+    return kept
 
 
 def source_range(eye: float, window: tuple[float, float], least: float, most: float, count: int) -> tuple[int, int]:

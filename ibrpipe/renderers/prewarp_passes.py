@@ -17,6 +17,9 @@ from ibrpipe.types import Array
 #: magnification above which texels count as near the eye's plane
 CAREFUL = 1e3
 
+#: rows between blocks of columns, so that these do not fall on one place of the cache
+ODD = 5
+
 _NONE8, _NONE = np.empty((0, 0), np.uint8), np.empty(0, np.float32)
 
 
@@ -93,7 +96,7 @@ def warp_face(
     plan = _wall_plan(relief, view, face) if face.wall else _plane_plan(relief, view, face)
     if plan.rows[1] <= plan.rows[0] or plan.texels[1] <= plan.texels[0]:
         return None
-    stride = -(-count // prewarp_columns.LANES) * prewarp_columns.LANES + 16
+    stride = -(-count // prewarp.LANES) * prewarp.LANES + 16
     out = scratch("out", (height + 2 * PAD, stride))
     warp = _pipelined if settings.method == "pipelined" else _two_pass
     warp(relief, view, face, plan, settings, (left, top, count), out)
@@ -118,7 +121,8 @@ def _two_pass(
 ) -> None:
     left, top, count = place
     (first, last), height = plan.rows, len(out) - 2 * PAD
-    values = scratch("values", (relief.height.shape[0], out.shape[1]))
+    blocks, lanes = -(-count // prewarp.LANES), prewarp.LANES
+    values = scratch("values", (blocks, relief.height.shape[0] + ODD, lanes))
     breaks = relief.breaks if relief.broken else _NONE8
     field, axis = _field(relief, face, plan, settings), np.array([1.0, -(left + 0.5)])
     window = np.array([first, last + 1, *plan.texels, count, plan.most > CAREFUL])
