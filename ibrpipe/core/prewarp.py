@@ -39,7 +39,7 @@ LINE = 5 * SPAN + PAD
 #: columns that the second pass warps together
 LANES = 32
 #: rows that one job warps
-ROWS = 8
+ROWS = 64
 #: position of what is not before the eye's plane
 BEYOND = np.float32(1e9)
 #: bit of `breaks`: the texel is not joined to its right neighbour

@@ -42,9 +42,9 @@ def paint_column(values, lines, wall, h, gap, lane, x, side, out):
 
 @fused
 def place_row(values, lines, wall, k, least, most, half, buf, cells):
-    # places, values and cells of row k; `half`: which of the two rows kept
+    # places, values and cells of row k; `half`: which of the two rows kept -> how many lanes hold something
     base, gain, own = lines[0, k], lines[1, k], lines[2, k]
-    row = values[k]
+    row, some = values[k], np.int32(0)
     for lane in range(LANES):
         value = row[lane]
         to = base + gain * value if value == value else ZERO
@@ -54,15 +54,17 @@ def place_row(values, lines, wall, k, least, most, half, buf, cells):
         cells[half + lane] = cell
         cells[LOWEST + lane] = min(cells[LOWEST + lane], cell)
         cells[HIGHEST + lane] = max(cells[HIGHEST + lane], cell)
+        some += np.int32(1) if value == value else np.int32(0)
+    return some
 
 
 @fused
 def paint_lanes(values, wall, h, gap, x, k, step, half, other, ahead, begin, end, buf, cells, out):
     # of rows k - step and k: the segments of columns with holes, to their ends and no farther
     for lane in range(LANES):
-        if cells[BAD + lane] == 0 or not (buf[VALUES + half + lane] == buf[VALUES + half + lane]):
+        if cells[BAD + lane] == 0 or buf[VALUES + half + lane] != buf[VALUES + half + lane]:
             continue
-        if not (buf[VALUES + other + lane] == buf[VALUES + other + lane]):
+        if buf[VALUES + other + lane] != buf[VALUES + other + lane]:
             continue
         if gap < np.inf:
             p, q = values[k - step, lane], values[k, lane]
@@ -93,8 +95,8 @@ def pass_columns(values, lines, wall, h, gap, x, side, buf, cells, out):
         half, other = (o & 1) * LANES, ((o + 1) & 1) * LANES
         if o == total:
             least, most = ZERO, np.float32(count)
-        place_row(values, lines, wall, side[0] + o * side[2], least, most, half, buf, cells)
-        if o == 0:
+        some = place_row(values, lines, wall, side[0] + o * side[2], least, most, half, buf, cells)
+        if o == 0 or some == 0:
             continue
         for lane in range(LANES):
             place, g = buf[PLACES + other + lane], buf[VALUES + other + lane]
@@ -103,7 +105,9 @@ def pass_columns(values, lines, wall, h, gap, x, side, buf, cells, out):
             value = g + (np.float32(cells[other + lane]) - ahead - place) * slope
             buf[FIRSTS + lane], buf[SECONDS + lane] = value, value + way * slope
             buf[SLOPES + lane] = slope
-        if rising:
+        if holes == LANES:
+            pass
+        elif rising:
             for lane in range(LANES):
                 if holes > 0 and cells[BAD + lane] != 0:
                     continue

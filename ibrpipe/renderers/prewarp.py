@@ -16,7 +16,7 @@ from ibrpipe.core import prewarp_view
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers import ldi
 from ibrpipe.renderers.ldi import limited_threads
-from ibrpipe.renderers.prewarp_faces import Face, Sight, plane_face, sight, wall_face, wide_plane
+from ibrpipe.renderers.prewarp_faces import Face, Sight, plane_face, sight, wall_face, wide_plane, wide_wall
 from ibrpipe.renderers.prewarp_passes import Settings, warp_face
 from ibrpipe.renderers.prewarp_source import Relief, build_relief
 from ibrpipe.types import Array, Camera, Frame
@@ -28,7 +28,9 @@ FEWEST = 4
 #: texels from a relief's box within which the eye is too near for a pre-warped picture
 NEAR = 2.0
 #: greatest magnification of texels on a plane that is drawn with its outliers, in place of side walls
-WIDEST = 2.5
+WIDEST = 3.5
+#: the same below which it is preferred to a wall beyond all rows
+WIDE = 1.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +216,17 @@ def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:
     if not low <= high or (relief.front_only and h >= high):
         return []
     base, near = (low, high) if h > high else (high, low)
-    if not low <= h <= high and abs(h - base) <= WIDEST * abs(h - near):
+    outside = not low <= h <= high
+    spread = abs(h - base) / abs(h - near) if outside and h != near else np.inf
+    if spread <= WIDE:
+        wide = None if h > high and relief.front_only else wide_plane(view, rows, columns, (low, high), base)
+        return [] if wide is None else [(wide, False)]
+    for swapped in (False, True):
+        seen, size = (view.swapped(), (columns, rows)) if swapped else (view, (rows, columns))
+        wide, found_one = wide_wall(seen, *size, low, high, relief.pitch, WIDEST)
+        if found_one:
+            return [] if wide is None else [(wide, swapped)]
+    if spread <= WIDEST:
         wide = None if h > high and relief.front_only else wide_plane(view, rows, columns, (low, high), base)
         return [] if wide is None else [(wide, False)]
     found: list[tuple[Face | None, bool]] = []
@@ -244,8 +256,6 @@ def _draw_face(relief: Relief, view: Sight, face: Face, settings: Settings, canv
     bounds[:2] -= left
     bounds[2:4] -= top
     jump = relief.jump(face, view)
-    prewarp_view.view_depth(
-        shifts.ravel(), shifts.shape[1], homography, bounds, jump, not canvas.drawn, canvas.depth
-    )
+    prewarp_view.view_depth(shifts.ravel(), shifts.shape[1], homography, bounds, jump, not canvas.drawn, canvas.depth)
     canvas.drawn = True
     return True

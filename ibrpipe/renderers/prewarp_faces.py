@@ -7,7 +7,7 @@ is never below 1, so no texel is lost in between. Texture coordinates: u, v in t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,6 +66,8 @@ class Face:
         Camera depth of that point is ``far / w``.
     window : (left, right, top, bottom) float
         The part of the face that is in view, face pixels.
+    zoom : float
+        Pixels of the face's picture per texel, along rows.
     """
 
     wall: bool
@@ -75,6 +77,7 @@ class Face:
     homography: Array
     far: float
     window: tuple[float, float, float, float]
+    zoom: float = 1.0
 
 
 def plane_face(view: Sight, rows: int, columns: int, depth: float) -> Face | None:
@@ -96,10 +99,45 @@ def wide_plane(view: Sight, rows: int, columns: int, depths: tuple[float, float]
 
 def wall_face(view: Sight, columns: int, at: float, low: float, high: float, pitch: float) -> Face | None:
     """Return the face v = `at` between the depths `low` and `high`."""
-    e_u, e_v, h = view.eye
-    scaled = Sight(view.eye, view.ways * np.array([1.0, 1.0, 1.0 / pitch])[:, None], view.width, view.height)
     limits = (0.5, columns - 0.5, 0.0, (high - low) / pitch)
-    return _face(scaled, True, at, pitch, low, 1, (0, 2), (e_u, (h - low) / pitch), at - e_v, limits)
+    return _wall(view, at, low, pitch, limits)
+
+
+def wide_wall(
+    view: Sight, rows: int, columns: int, low: float, high: float, pitch: float, most: float
+) -> tuple[Face | None, bool]:
+    """Return a wall beyond all rows with all that the surface reaches on its plane, and whether there is such a wall.
+
+    There is none while the eye's foot lies between the outermost rows, or where the nearest row is magnified more than
+    `most` times. Where the frame has fewer pixels than its picture, that is made smaller: the farthest row is then
+    reduced as much as the nearest is magnified.
+    """
+    e_u, e_v, h = view.eye
+    near, at = (0.5, rows - 0.5) if e_v < 0.5 * rows else (rows - 0.5, 0.5)
+    if (near - e_v) * (at - e_v) <= 0 or not (at - e_v) / (near - e_v) <= most:
+        return None, False
+    ratios = np.array([1.0, (at - e_v) / (near - e_v)])
+    across = e_u + np.outer((0.5 - e_u, columns - 0.5 - e_u), ratios)
+    along = h + np.outer((low - h, high - h), ratios)
+    bottom = float(along.min())
+    limits = np.array([across.min(), across.max(), 0.0, (along.max() - bottom) / pitch])
+    face = _wall(view, at, bottom, pitch, (*limits,))
+    if face is None:
+        return None, True
+    x0, x1, y0, y1 = face.window
+    finer = view.width * view.height / max((x1 - x0) * (y1 - y0), 1.0)
+    zoom = min(max(float(ratios[1]) ** -0.5, finer**0.5), 1.0)
+    return _wall(view, at, bottom, pitch / zoom, (*(zoom * limits),), zoom), True
+
+
+def _wall(
+    view: Sight, at: float, low: float, pitch: float, limits: tuple[float, ...], zoom: float = 1.0
+) -> Face | None:
+    e_u, e_v, h = view.eye
+    ways = view.ways * np.array([zoom, 1.0, 1.0 / pitch])[:, None]
+    scaled = Sight(view.eye, ways, view.width, view.height)
+    face = _face(scaled, True, at, pitch, low, 1, (0, 2), (zoom * e_u, (h - low) / pitch), at - e_v, limits)
+    return None if face is None else replace(face, zoom=zoom)
 
 
 def _face(
@@ -124,9 +162,7 @@ def _face(
     return None if window is None else Face(wall, at, pitch, low, homography, abs(reach), window)
 
 
-def _visible(
-    homography: Array, view: Sight, limits: tuple[float, ...]
-) -> tuple[float, float, float, float] | None:
+def _visible(homography: Array, view: Sight, limits: tuple[float, ...]) -> tuple[float, float, float, float] | None:
     """Clip the face's rectangle by the picture; return the bounds of what is left."""
     scale = np.abs(homography).max()
     if not scale > 0 or abs(np.linalg.det(homography / scale)) < 1e-300:

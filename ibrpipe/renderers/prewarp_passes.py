@@ -124,7 +124,7 @@ def _two_pass(
     blocks, lanes = -(-count // prewarp.LANES), prewarp.LANES
     values = scratch("values", (blocks, relief.height.shape[0] + ODD, lanes))
     breaks = relief.breaks if relief.broken else _NONE8
-    field, axis = _field(relief, face, plan, settings), np.array([1.0, -(left + 0.5)])
+    field, axis = _field(relief, face, plan, settings), np.array([face.zoom, -(left + 0.5)])
     window = np.array([first, last + 1, *plan.texels, count, plan.most > CAREFUL])
     if face.wall:
         prewarp_columns.scale_rows(*field, breaks, plan.eye[0], axis, plan.shifts, window, values)
@@ -151,10 +151,12 @@ def _pipelined(
     places = scratch("places", (3, rows, columns))
     window = np.array([plan.rows[0], plan.rows[1] + 1, *plan.texels])
     prewarp_pipelined.place_texels(
-        *_field(relief, face, plan, settings), plan.eye, plan.shifts, plan.lines, window, places
+        *_field(relief, face, plan, settings), plan.eye, plan.shifts, plan.lines, window, face.zoom, places
     )
     borders = [(x, x + prewarp_pipelined.STRIPE) for x in range(left, left + count, prewarp_pipelined.STRIPE)]
-    ranges = np.array([source_range(view.eye[0], border, plan.least, plan.most, columns) for border in borders])
+    ranges = np.array(
+        [source_range(view.eye[0], (a / face.zoom, b / face.zoom), plan.least, plan.most, columns) for a, b in borders]
+    )
     feet = np.array([prewarp.last_before(view.eye[0], columns), prewarp.last_before(view.eye[1], rows)])
     breaks = relief.breaks if relief.broken else _NONE8
     window = np.array([*plan.rows, count, left, top, plan.order])
@@ -193,9 +195,12 @@ def _wall_plan(relief: Relief, view: Sight, face: Face) -> Plan:
     low, high = relief.range
     x0, x1, y0, y1 = face.window
     ahead = face.at > e_v
-    depths = (low + y0 * face.pitch, low + y1 * face.pitch)
+    depths = (face.low + y0 * face.pitch, face.low + y1 * face.pitch)
     ratios = [(h - z) / (h - d) if h != d else MOST for z in depths for d in (low, high)]
     most = min(max(max(ratios), 1.0), MOST) if min(ratios) > 0 else MOST
+    if (e_v - 0.5) * (e_v - (rows - 0.5)) > 0:  # the foot is not between the rows
+        near = 0.5 if ahead else rows - 0.5
+        most = min(most, max((face.at - e_v) / (near - e_v), 1.0) * (1.0 + 1e-6))
     nearest = e_v + (face.at - e_v) / most
     edge = (max(nearest, e_v + 1e-4), face.at) if ahead else (face.at, min(nearest, e_v - 1e-4))
     first, last = max(int(np.ceil(edge[0] - 0.5)) - 1, 0), min(int(np.floor(edge[1] - 0.5)) + 1, rows - 1)
@@ -204,7 +209,7 @@ def _wall_plan(relief: Relief, view: Sight, face: Face) -> Plan:
     while first <= last and away[first if ahead else last] < 1e-4:
         first, last = (first + 1, last) if ahead else (first, last - 1)
     g = np.where(away > 0, (face.at - v) / np.where(away > 0, v - e_v, 1.0), 0.0)
-    lines = np.stack([-(h * g + low) / face.pitch, (1.0 + g) / face.pitch, g]).astype(np.float32)
-    texels = source_range(e_u, (x0 - 1, x1 + 1), 1.0, most, columns)
+    lines = np.stack([-(h * g + face.low) / face.pitch, (1.0 + g) / face.pitch, g]).astype(np.float32)
+    texels = source_range(e_u, ((x0 - 1) / face.zoom, (x1 + 1) / face.zoom), 1.0, most, columns)
     eye = np.array([e_u, h, 0.0])
     return Plan((first, last), texels, lines, g.astype(np.float32), eye, 1.0, most, -1 if ahead else 1)
