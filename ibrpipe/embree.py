@@ -146,3 +146,9 @@ class MeshCaster:
         """Say which (N, 3) rays meet the mesh between `near` and `far` (in lengths of the direction); (N,) bool."""
         rays = self._rays(origins, directions)
         return self._scene.test_occlusions(rays, tnear=near, tfar=far, nthreads=self._threads).numpy()
+
+    def closest(self, points: Array) -> tuple[Array, Array]:
+        """Find the nearest points of the mesh to (N, 3) world points: places (N, 3) float64, faces (N,) int32."""
+        shifted = np.ascontiguousarray(points - self._shift, dtype=np.float32)
+        found = self._scene.compute_closest_points(self._o3d.core.Tensor(shifted), nthreads=self._threads)
+        return found["points"].numpy() + self._shift, found["primitive_ids"].numpy().astype(np.int32)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ibrpipe.errors import FormatError, IbrError, MissingFileError
-from ibrpipe.types import Mesh
+from ibrpipe.types import Array, Mesh
 
+_PLY_KINDS = {"double": "<f8", "float": "<f4", "int": "<i4", "uint": "<u4", "uchar": "u1", "short": "<i2"}
 SUFFIXES = (".ply", ".obj", ".glb", ".gltf", ".stl")
 
 
@@ -43,19 +45,61 @@ def read_mesh(path: Path) -> Mesh:
         raise FormatError(f"{path}: {error}") from error
 
 
-def write_mesh(mesh: Mesh, path: Path) -> None:
-    """Write a binary PLY with double coordinates, so that nothing is lost."""
+def write_mesh(mesh: Mesh, path: Path, values: Mapping[str, Array] | None = None) -> None:
+    """Write a binary PLY with double coordinates, so that nothing is lost.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    path : Path
+    values : mapping of name to (V,) float32 or int32, optional
+        More properties of the vertices.
+    """
+    extra = {name: np.asarray(value) for name, value in (values or {}).items()}
+    kinds = {name: "int" if np.issubdtype(value.dtype, np.integer) else "float" for name, value in extra.items()}
+    properties = "".join(f"property {kind} {name}\n" for name, kind in kinds.items())
     header = (
         "ply\nformat binary_little_endian 1.0\n"
-        f"element vertex {len(mesh.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element vertex {len(mesh.vertices)}\nproperty double x\nproperty double y\nproperty double z\n{properties}"
         f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
+    layout = [("place", "<f8", 3), *((name, "<i4" if kind == "int" else "<f4") for name, kind in kinds.items())]
+    vertices = np.empty(len(mesh.vertices), dtype=layout)
+    vertices["place"] = mesh.vertices
+    for name, value in extra.items():
+        vertices[name] = value
     faces = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, mesh.faces
     with path.open("wb") as target:
         target.write(header.encode("ascii"))
-        target.write(mesh.vertices.astype("<f8").tobytes())
+        target.write(vertices.tobytes())
         target.write(faces.tobytes())
+
+
+def read_vertex_values(path: Path) -> dict[str, Array]:
+    """Read the further properties of the vertices of a PLY that `write_mesh` wrote, name to (V,); none in others."""
+    with path.open("rb") as source:
+        count, names, kinds = 0, [], []
+        for line in iter(source.readline, b""):
+            words = line.decode("ascii", "replace").split()
+            if words[:2] == ["element", "vertex"]:
+                count = int(words[2])
+            elif words[:1] == ["property"] and len(words) == 3 and words[1] in _PLY_KINDS:
+                kinds.append(_PLY_KINDS[words[1]])
+                names.append(words[2])
+            elif words[:2] == ["element", "face"]:
+                break
+        for line in iter(source.readline, b""):
+            if line.strip() == b"end_header":
+                break
+        if names[:3] != ["x", "y", "z"] or not names[3:]:
+            return {}
+        layout = np.dtype(list(zip(names, kinds)))
+        content = source.read(count * layout.itemsize)
+    if len(content) < count * layout.itemsize:
+        raise FormatError(f"{path}: the mesh was cut off; write it again")
+    table = np.frombuffer(content, layout)
+    return {name: np.ascontiguousarray(table[name]) for name in names[3:]}
 
 
 def _load(path: Path) -> tuple[Any, Any]:

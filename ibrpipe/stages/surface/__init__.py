@@ -1,0 +1,1 @@
+"""From depth maps and masks to a surface that says how sure it is."""

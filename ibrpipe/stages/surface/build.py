@@ -1,0 +1,204 @@
+"""Depth maps and masks in, a surface with what is known of it out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.core.volume import SIDE
+from ibrpipe.errors import CaptureError
+from ibrpipe.io.dense import DepthMap
+from ibrpipe.io.views import View
+from ibrpipe.stages.surface.choose import Choice, choose
+from ibrpipe.stages.surface.finish import (
+    Evidence,
+    evidence,
+    face_areas,
+    grown,
+    openings,
+    simplified,
+    vertex_normals,
+    whole_parts,
+    without_vertices,
+)
+from ibrpipe.stages.surface.fusion import Cloud, Fused, FusionRules, fuse, joined
+from ibrpipe.stages.surface.hull import Outline, has_mask, hull_box, load_outlines, outline_of
+from ibrpipe.stages.surface.hull_surface import hull_surface
+from ibrpipe.stages.surface.maps import MapStore
+from ibrpipe.stages.surface.poisson import poisson_surface
+from ibrpipe.stages.surface.settings import SurfaceConfig
+from ibrpipe.stages.surface.volume import (
+    VOXEL_BYTES,
+    VOXELS,
+    Weights,
+    blocks_around,
+    extract,
+    summed,
+)
+from ibrpipe.types import Array, Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A surface.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    evidence : Evidence
+        Of its vertices.
+    facts : dict
+        What ``geometry.json`` tells of it.
+    """
+
+    mesh: Mesh
+    evidence: Evidence
+    facts: dict[str, Any]
+
+
+def build_surface(
+    views: Sequence[View], maps: Sequence[DepthMap], config: SurfaceConfig, scratch: Path, memory: int
+) -> Built:
+    """Make the surface that the depth maps and masks show.
+
+    Parameters
+    ----------
+    views : sequence of View
+    maps : sequence of DepthMap
+        May be empty where masks are given.
+    config : SurfaceConfig
+    scratch : Path
+        Folder for what does not stay in memory.
+    memory : int
+        Bytes that maps and volume may take.
+
+    Raises
+    ------
+    CaptureError
+        Nothing can be made of them.
+    """
+    began = perf_counter()
+    rules = FusionRules(config.disparity, config.depth_difference, config.normal_angle, config.votes)
+    fused = fuse(maps, rules, scratch, memory // 3)
+    masked = all(has_mask(view) for view in views)
+    outlines = load_outlines(views) if masked else []
+    share = fused.confirmed / max(fused.masked, 1)
+    middle = _middle(fused.cloud, outlines)
+    choice = choose(config, views, outlines, share, middle)
+    fused_at = perf_counter()
+    if choice.method != "hull" and len(fused.cloud.position) < 100:
+        raise CaptureError(
+            f"only {len(fused.cloud.position)} points agree between the photos' depth maps; add photos with more "
+            "overlap, or masks and geometry.surface.method=hull, or a mesh"
+        )
+    raw, step = _raw(choice, fused, outlines, config, memory)
+    mesh, dropped = _cleaned(raw, fused.maps, choice, config, step)
+    edge = config.triangle_pixels * step / config.voxel_pixels
+    mesh = simplified(mesh, edge) if edge > 0 else mesh
+    found = evidence(mesh, fused.maps, 2.0 * step)
+    facts = {
+        "method": choice.method,
+        "filled_by_outlines": choice.fill,
+        "reason": choice.reason,
+        "measured": choice.measured,
+        "points": len(fused.cloud.position),
+        "voxel": float(step),
+        "parts_dropped": dropped,
+        **_described(mesh, found),
+        "seconds": {"fusion": round(fused_at - began, 2), "surface": round(perf_counter() - fused_at, 2)},
+    }
+    return Built(mesh, found, facts)
+
+
+def _middle(cloud: Cloud, outlines: Sequence[Outline]) -> Array | None:
+    if len(cloud.position):
+        return np.median(cloud.position, axis=0)
+    return np.mean(hull_box(outlines), axis=0) if outlines else None
+
+
+def _raw(
+    choice: Choice, fused: Fused, outlines: Sequence[Outline], config: SurfaceConfig, memory: int
+) -> tuple[Mesh, float]:
+    """Return the surface as it comes, and the size of its voxels."""
+    if choice.method == "hull":
+        return hull_surface(outlines, config.voxel_pixels, memory // 2)
+    step = config.voxel_pixels * float(np.median(fused.cloud.spacing))
+    if choice.method == "volume":
+        return _volume(fused, outlines, config, step, memory // 2)
+    if not choice.fill:
+        return poisson_surface(fused.cloud, step, 6 * step), step
+    hull, _ = hull_surface(outlines, config.voxel_pixels, memory // 2)
+    return poisson_surface(_with_hull(fused, hull, step), step, 6 * step), step
+
+
+def _with_hull(fused: Fused, hull: Mesh, step: float) -> Cloud:
+    """Add the outlines' surface to the points, where no point is near and no depth map looks through it."""
+    from scipy.spatial import cKDTree
+
+    found = evidence(hull, fused.maps, 2.0 * step)
+    far = ~np.isfinite(cKDTree(fused.cloud.position).query(hull.vertices, distance_upper_bound=6 * step)[0])
+    chosen = far & (found.through == 0) & (found.observations == 0)
+    count = int(chosen.sum())
+    added = Cloud(
+        hull.vertices[chosen],
+        vertex_normals(hull)[chosen],
+        np.zeros(count, np.float32),
+        np.zeros(count, np.int32),
+        np.full(count, step, np.float32),
+    )
+    return joined([fused.cloud, added])
+
+
+def _volume(
+    fused: Fused, outlines: Sequence[Outline], config: SurfaceConfig, step: float, memory: int
+) -> tuple[Mesh, float]:
+    points, most = fused.cloud.position, max(memory // (VOXEL_BYTES * VOXELS), 64)
+    low, high = np.quantile(points, (0.0005, 0.9995), axis=0)
+    margin = 0.05 * (high - low) + step * SIDE
+    blocks = blocks_around(points, low - margin, high + margin, step, config.truncation * step)
+    while len(blocks.corners) > most:
+        step *= 1.05 * (len(blocks.corners) / most) ** 0.5
+        blocks = blocks_around(points, low - margin, high + margin, step, config.truncation * step)
+    fitting = [outline_of(each.camera, each.mask, _KNOWN) for each in fused.maps] if outlines else []
+    value = summed(blocks, fused.maps, fitting, Weights(config.truncation, config.carve))
+    return extract(blocks, value), step
+
+
+_KNOWN = np.ones((1, 1), bool)
+
+
+def _cleaned(raw: Mesh, maps: MapStore, choice: Choice, config: SurfaceConfig, step: float) -> tuple[Mesh, int]:
+    """Cut away what no map confirms, unless outlines stand for it, and small parts."""
+    if choice.method == "hull":
+        return whole_parts(raw, config.least_part)
+    found = evidence(raw, maps, 2.0 * step)
+    seen = (found.observations > 0) & (found.observations >= found.through)
+    empty = found.through > 2 * found.observations + 2
+    keep = ~empty if choice.fill else grown(raw, seen, 1) & ~empty
+    return whole_parts(without_vertices(raw, keep), config.least_part)
+
+
+def _described(mesh: Mesh, found: Evidence) -> dict[str, Any]:
+    """Return the figures of a finished surface."""
+    areas, ends = face_areas(mesh), openings(mesh)
+    unseen = (found.observations[mesh.faces] == 0).all(axis=1)
+    return {
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "area": float(areas.sum()),
+        "unseen_share": float(areas[unseen].sum() / areas.sum()),
+        "boundary_loops": ends.loops,
+        "boundary_length": ends.length,
+        "crowded_edges": ends.crowded,
+        "closed": ends.loops == 0,
+        "confidence": {
+            "mean": float(found.confidence.mean()),
+            "tenth": float(np.quantile(found.confidence, 0.1)),
+        },
+        "observations_median": int(np.median(found.observations)),
+    }

@@ -1,0 +1,51 @@
+"""Surface of oriented points by screened Poisson reconstruction (kazhdan2013), as Open3D does it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ibrpipe.embree import import_open3d
+from ibrpipe.errors import CaptureError
+from ibrpipe.stages.surface.finish import without_vertices
+from ibrpipe.stages.surface.fusion import Cloud
+from ibrpipe.types import Array, Mesh
+
+
+def poisson_surface(cloud: Cloud, step: float, reach: float) -> Mesh:
+    """Reconstruct, and cut away what lies further than `reach` from every point.
+
+    One thread: only then does the same input give the same bytes.
+
+    Raises
+    ------
+    CaptureError
+        Too few points.
+    """
+    from scipy.spatial import cKDTree
+
+    if len(cloud.position) < 100:
+        raise CaptureError(f"only {len(cloud.position)} points agree between photos; Poisson needs 100 at least")
+    o3d = import_open3d()
+    shift = cloud.position.mean(axis=0)
+    position, normal = thinned(cloud.position - shift, cloud.normal, step)
+    points = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(position))
+    points.normals = o3d.utility.Vector3dVector(normal)
+    extent = float(np.ptp(cloud.position, axis=0).max()) * 1.1
+    depth = int(np.clip(np.ceil(np.log2(extent / step) - 0.3), 5, 11))
+    found, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(points, depth=depth, n_threads=1)
+    mesh = Mesh(np.asarray(found.vertices) + shift, np.asarray(found.triangles, dtype=np.int32))
+    distance, _ = cKDTree(cloud.position).query(mesh.vertices, distance_upper_bound=reach)
+    return without_vertices(mesh, np.isfinite(distance))
+
+
+def thinned(position: Array, normal: Array, step: float) -> tuple[Array, Array]:
+    """Average the points and normals of every voxel of size `step`; points whose normals cancel are left out."""
+    cell = np.floor((position - position.min(axis=0)) / step).astype(np.int64)
+    size = cell.max(axis=0) + 1
+    _, owner, count = np.unique(
+        (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2], return_inverse=True, return_counts=True
+    )
+    mean = [np.bincount(owner, values, len(count)) / count for values in (*position.T, *normal.T.astype(np.float64))]
+    length = np.linalg.norm(np.stack(mean[3:]), axis=0)
+    kept = length > 0.3
+    return np.stack(mean[:3], axis=1)[kept], (np.stack(mean[3:]) / np.maximum(length, 1e-12)).T[kept]
