@@ -25,6 +25,7 @@ COMMANDS: dict[str, dict[str, tuple[str, str]]] = {
             "ibrpipe.cli.bench:command",
             "Hold all renderers against the exact answer.",
         ),
+        "compare-mesh": ("ibrpipe.cli.compare_mesh:command", "Measure a surface against the true one."),
         "depth-images": (
             "ibrpipe.cli.depth_images:command",
             "Cover a mesh with few perspective depth images, as an asset.",

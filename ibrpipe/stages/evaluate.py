@@ -14,21 +14,23 @@ from pydantic import Field
 import ibrpipe
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
-from ibrpipe.io.meshes import read_mesh
-from ibrpipe.io.views import View, read_views
+from ibrpipe.io.meshes import read_mesh, read_vertex_values
+from ibrpipe.io.views import View, ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.stages.contest import Contest, make_contest
+from ibrpipe.stages.geometry_scores import GeometryRules, find_truth, measure_geometry
 from ibrpipe.stages.held_out import held_out_views, load_truth, read_frames
 from ibrpipe.stages.machine import describe_machine
-from ibrpipe.stages.metrics import MetricsModel, Scores, ViewMetrics, mean_scores, write_metrics
+from ibrpipe.stages.metrics import GeometryScores, MetricsModel, Scores, ViewMetrics, mean_scores, write_metrics
 from ibrpipe.stages.photos import load_photos
 from ibrpipe.stages.protocol import make_protocol
 from ibrpipe.stages.report import ViewPictures, draw_view, read_sources, write_report
+from ibrpipe.stages.report.surface_pictures import SurfacePictures, draw_surface
 from ibrpipe.stages.scores import highlight_pixels, score_frame, to_srgb8
 from ibrpipe.stages.sizes import bytes_of, seconds_of
 from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.timing import time_ways, timed_size
-from ibrpipe.types import Camera
+from ibrpipe.types import Camera, Mesh
 
 T = TypeVar("T")
 
@@ -48,6 +50,14 @@ class EvaluateConfig(StageConfig):
     )
     timing_seconds: float = Field(default=20.0, gt=0, description="Time for all timing; slow ways take fewer turns, s")
     report_views: int = Field(default=8, ge=0, le=1000, description="Views that the report shows in pictures")
+    truth: str | None = Field(
+        None, description="True mesh to measure a reconstructed one against; absent = the capture's own, if withheld"
+    )
+    surface_thresholds: tuple[float, ...] = Field(
+        (0.0025, 0.005, 0.01), description="Distances of the F-scores, shares of the true surface's diagonal"
+    )
+    surface_samples: int = Field(60_000, ge=1000, le=10_000_000, description="Points on either surface")
+    surface_views: int = Field(3, ge=0, le=100, description="Views of a reconstructed surface that the report shows")
     picture_width: int = Field(default=480, ge=32, le=4096, description="Widest picture in the report in pixels")
 
 
@@ -55,7 +65,8 @@ class EvaluateConfig(StageConfig):
 class Inputs:
     """A finished asset, the frames rendered from it, the views and mesh it was made from, and the folder to write to.
 
-    `run` is the run folder, whose manifests, plan and audit the report tells of; None leaves them out.
+    `run` is the run folder, whose manifests, plan and audit the report tells of; None leaves them out. `given` is the
+    capture's own mesh: the truth where `mesh` was made without it.
     """
 
     asset: Path
@@ -64,6 +75,7 @@ class Inputs:
     frames: Path
     out: Path
     run: Path | None = None
+    given: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -87,7 +99,9 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     began = perf_counter()
     views = read_views(inputs.views)
     tested, frames = held_out_views(views), read_frames(inputs.frames)
-    caster = MeshCaster(read_mesh(inputs.mesh), threads=numba.get_num_threads())
+    mesh = read_mesh(inputs.mesh)
+    geometry, surfaces = _surface(inputs, config, mesh, views)
+    caster = MeshCaster(mesh, threads=numba.get_num_threads())
     contest = make_contest(ibrpipe.read_asset(inputs.asset), frames, caster, load_photos(views.train, caster))
     scored, pictures = _score_all(contest, tested, config)
     cameras = _spread([timed_size(view.camera, config.timing_width) for view in tested], config.timing_views)
@@ -99,6 +113,7 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
         mean=renderers[frames.renderers[0]],
         renderers=renderers,
         baselines={name: _mean([view.baselines[name] for view in scored], speeds[name]) for name in contest.baselines},
+        geometry=geometry,
         bytes=bytes_of(inputs.asset, views.train, inputs.mesh),
         seconds={**seconds_of(inputs.run, STAGE.name), STAGE.name: perf_counter() - began},
         machine=describe_machine(),
@@ -106,8 +121,24 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     )
     outputs = Outputs(inputs.out / "metrics.json", inputs.out / "report.html")
     write_metrics(metrics, outputs.metrics)
-    write_report(outputs.report, metrics, pictures, read_sources(views, inputs.run))
+    write_report(outputs.report, metrics, pictures, read_sources(views, inputs.run, inputs.mesh), surfaces)
     return outputs
+
+
+def _surface(
+    inputs: Inputs, config: EvaluateConfig, mesh: Mesh, views: ViewSet
+) -> tuple[GeometryScores | None, list[SurfacePictures]]:
+    """Measure the surface where there is a truth, and draw it where it was made from photos."""
+    found = find_truth(None if config.truth is None else Path(config.truth), inputs.given, inputs.mesh)
+    scores, true = None, None
+    if found is not None:
+        rules = GeometryRules(config.surface_thresholds, config.surface_samples)
+        scores, true = measure_geometry(mesh, found, views.train, inputs.mesh.parent / "dense", rules)
+    confidence = read_vertex_values(inputs.mesh).get("confidence") if inputs.mesh.suffix == ".ply" else None
+    if true is None and confidence is None:
+        return None, []
+    shown = _spread(views.test or views.train, config.surface_views)
+    return scores, draw_surface(mesh, shown, config.picture_width, confidence, true)
 
 
 def _score_all(

@@ -42,6 +42,41 @@ class ViewMetrics(_Record):
     baselines: dict[str, Scores] = Field(description="By baseline")
 
 
+class ThresholdScores(_Record):
+    """Shares of two surfaces that lie within a distance of each other."""
+
+    share: float = Field(description="The distance as a share of the true surface's diagonal")
+    distance: float = Field(description="The distance in scene units")
+    precision: float = Field(description="Share of the reconstruction near the truth, 0..1")
+    recall: float = Field(description="Share of the truth near the reconstruction, 0..1")
+    f_score: float = Field(description="Harmonic mean of both")
+
+
+class DepthScores(_Record):
+    """Error of the depth maps that the surface was made from, along the cameras' axes."""
+
+    maps: int = Field(description="Depth maps")
+    known: float = Field(description="Share of the true surface's pixels that have depth")
+    rmse: float = Field(description="Root mean square over pixels with depth, scene units")
+    median: float = Field(description="Median absolute error, scene units")
+    bad_shares: list[float] = Field(description="Shares of the pixels with depth that err by more than each threshold")
+
+
+class GeometryScores(_Record):
+    """Error of a surface that was made from photos, over what at least two photos see."""
+
+    truth: str = Field(description="File name of the true mesh")
+    diagonal: float = Field(description="Of the true surface's bounding box, scene units")
+    samples: int = Field(description="Points on either surface")
+    seen_share: float = Field(description="Share of the true surface that at least two photos see")
+    accuracy_mean: float = Field(description="Mean distance from the reconstruction to the truth, scene units")
+    accuracy_median: float = Field(description="Median of the same")
+    completeness_mean: float = Field(description="Mean distance from the truth to the reconstruction, scene units")
+    completeness_median: float = Field(description="Median of the same")
+    thresholds: list[ThresholdScores] = Field(description="By distance")
+    depth: DepthScores | None = Field(default=None, description="Of the depth maps; null = none were kept")
+
+
 class Protocol(_Record):
     """How the figures were taken; `lines` say the same in words."""
 
@@ -78,6 +113,9 @@ class MetricsModel(_Record):
     mean: Scores = Field(description="Mean over the views of the first renderer")
     renderers: dict[str, Scores] = Field(description="Mean over the views by renderer")
     baselines: dict[str, Scores] = Field(description="Mean over the views by baseline: diffuse, ulr, mesh")
+    geometry: GeometryScores | None = Field(
+        default=None, description="Error of the surface; null = it was given, or no true mesh is known"
+    )
     bytes: dict[str, int] = Field(description="Sizes on disk: asset and its parts, photos, masks, mesh")
     seconds: dict[str, float] = Field(description="Seconds by stage, from the stages' manifests")
     machine: Machine

@@ -12,6 +12,9 @@ from ibrpipe.stages.report import words
 from ibrpipe.stages.report.pictures import GAIN, ViewPictures, heat_colors
 from ibrpipe.stages.report.plot import speed_error_plot
 from ibrpipe.stages.report.sources import ReportSources
+from ibrpipe.stages.report.surface_pictures import WORST, SurfacePictures, confidence_colors, error_colors
+from ibrpipe.stages.report.surface_words import surface_sentences
+from ibrpipe.types import Array
 
 NAMES = {
     "diffuse": "diffuse only",
@@ -29,12 +32,23 @@ PARTS = {
 }
 
 
-def write_report(path: Path, metrics: MetricsModel, pictures: Sequence[ViewPictures], sources: ReportSources) -> None:
+def write_report(
+    path: Path,
+    metrics: MetricsModel,
+    pictures: Sequence[ViewPictures],
+    sources: ReportSources,
+    surfaces: Sequence[SurfacePictures] = (),
+) -> None:
     """Write ``report.html``: one file without scripts that loads nothing from anywhere."""
-    path.write_text(render_page(metrics, pictures, sources), encoding="utf-8")
+    path.write_text(render_page(metrics, pictures, sources, surfaces), encoding="utf-8")
 
 
-def render_page(metrics: MetricsModel, pictures: Sequence[ViewPictures], sources: ReportSources) -> str:
+def render_page(
+    metrics: MetricsModel,
+    pictures: Sequence[ViewPictures],
+    sources: ReportSources,
+    surfaces: Sequence[SurfacePictures] = (),
+) -> str:
     """Return the page as HTML text."""
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
@@ -58,7 +72,12 @@ def render_page(metrics: MetricsModel, pictures: Sequence[ViewPictures], sources
         parts=_bars({PARTS[name]: count for name, count in metrics.bytes.items() if name in PARTS and count}),
         seconds=_bars(metrics.seconds),
         total_seconds=sum(metrics.seconds.values()),
-        heat=_gradient(),
+        heat=_gradient(heat_colors()),
+        surfaces=surfaces,
+        surface_lines=surface_sentences(metrics.geometry, sources.geometry),
+        error_ramp=_gradient(error_colors()),
+        confidence_ramp=_gradient(confidence_colors()),
+        worst=100 * WORST,
         gain=GAIN,
     )
 
@@ -79,6 +98,6 @@ def _bars(values: dict[str, Any]) -> list[tuple[str, Any, float]]:
     return [(name, value, 100.0 * value / longest) for name, value in values.items()]
 
 
-def _gradient() -> str:
-    """Return the colours of the difference pictures as CSS stops."""
-    return ", ".join("#{:02x}{:02x}{:02x}".format(*color) for color in heat_colors()[::17])
+def _gradient(colors: Array) -> str:
+    """Return (256, 3) colours as CSS stops."""
+    return ", ".join("#{:02x}{:02x}{:02x}".format(*color) for color in colors[::17])

@@ -67,8 +67,8 @@ def draw_view(
         Column(
             name,
             scores[name],
-            _jpeg(_on_paper(codes[name][crop], mask), width),
-            _jpeg(_on_paper(_heat(truth.color[crop], codes[name][crop]), mask), width),
+            jpeg(_on_paper(codes[name][crop], mask), width),
+            jpeg(_on_paper(_heat(truth.color[crop], codes[name][crop]), mask), width),
         )
         for name in shown
     )
@@ -76,8 +76,8 @@ def draw_view(
         name=metrics.name,
         width=min(width, mask.shape[1]),
         height=round(mask.shape[0] * min(1.0, width / mask.shape[1])),
-        photo=_jpeg(_on_paper(truth.color[crop], mask), width),
-        highlights=_jpeg(_on_paper(_marked(truth.color[crop], highlights[crop]), mask), width),
+        photo=jpeg(_on_paper(truth.color[crop], mask), width),
+        highlights=jpeg(_on_paper(_marked(truth.color[crop], highlights[crop]), mask), width),
         highlight_share=metrics.highlight_pixels / max(metrics.mask_pixels, 1),
         columns=columns,
     )
@@ -117,7 +117,7 @@ def _crop(mask: Array) -> tuple[slice, slice]:
     )
 
 
-def _jpeg(picture: Array, width: int) -> str:
+def jpeg(picture: Array, width: int) -> str:
     """Return a data URI of (H, W, 3) uint8, no wider than `width`; full colour resolution."""
     import cv2
 

@@ -28,6 +28,8 @@ class ReportSources:
         The audit's ``{severity, kind, file, value, expected, remedy}``.
     surface : mapping
         The audit's figures of how well the surface is seen.
+    geometry : mapping
+        What ``geometry.json`` says of the surface; None where it was given.
     """
 
     name: str
@@ -37,13 +39,15 @@ class ReportSources:
     reasons: tuple[dict[str, Any], ...] = ()
     findings: tuple[dict[str, Any], ...] = ()
     surface: dict[str, Any] | None = None
+    geometry: dict[str, Any] | None = None
 
 
-def read_sources(views: ViewSet, run: Path | None) -> ReportSources:
+def read_sources(views: ViewSet, run: Path | None, mesh: Path | None = None) -> ReportSources:
     """Gather what is known; a run folder without plan or audit leaves these out."""
     capture = str(views.info.get("capture", ""))
     plan = _read(run, "plan/plan.json")
     audit = _read(run, "ingest/audit.json")
+    geometry = _read(None if mesh is None else mesh.parent, "geometry.json")
     first = (views.train + views.test)[0].camera
     return ReportSources(
         name=Path(capture).name or "capture",
@@ -52,7 +56,8 @@ def read_sources(views: ViewSet, run: Path | None) -> ReportSources:
         size=(first.width, first.height),
         reasons=tuple(plan.get("reasons", ())),
         findings=tuple(_below(capture, finding) for finding in audit.get("findings", ())),
-        surface=audit.get("surface") or None,
+        surface=audit.get("surface") or geometry.get("coverage") or None,
+        geometry=None if geometry.get("decision", "given") == "given" else geometry,
     )
 
 

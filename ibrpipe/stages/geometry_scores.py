@@ -1,0 +1,86 @@
+"""The error of a run's surface and depth maps, as ``metrics.json`` holds it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ibrpipe.embree import MeshCaster
+from ibrpipe.io.dense import Workspace
+from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.views import View
+from ibrpipe.stages.depth_error import DepthError, depth_error, maps_of
+from ibrpipe.stages.metrics import DepthScores, GeometryScores, ThresholdScores
+from ibrpipe.stages.surface_error import SurfaceError, compare_surfaces
+from ibrpipe.types import Mesh
+
+
+@dataclass(frozen=True)
+class GeometryRules:
+    """How surfaces are compared.
+
+    Attributes
+    ----------
+    thresholds : tuple of float
+        Shares of the true surface's diagonal.
+    samples : int
+    """
+
+    thresholds: tuple[float, ...] = (0.0025, 0.005, 0.01)
+    samples: int = 60_000
+
+
+def find_truth(named: Path | None, given: Path | None, mesh: Path) -> Path | None:
+    """Return the true mesh: the one that is named, else the capture's own where the run's was made without it."""
+    if named is not None:
+        return named
+    document = mesh.parent / "geometry.json"
+    if given is None or not document.is_file():
+        return None
+    decision = json.loads(document.read_text(encoding="utf-8")).get("decision", "given")
+    return None if decision == "given" else given
+
+
+def measure_geometry(
+    mesh: Mesh, truth: Path, views: Sequence[View], dense: Path | None, rules: GeometryRules
+) -> tuple[GeometryScores, Mesh]:
+    """Compare a surface, and the depth maps in the folder `dense`, with the true mesh; also return that mesh."""
+    true = read_mesh(truth)
+    error = compare_surfaces(mesh, true, views, rules.thresholds, rules.samples)
+    maps = maps_of(Workspace(dense), views) if dense is not None and dense.is_dir() else ()
+    distances = [share * error.diagonal for share in rules.thresholds]
+    depth = depth_error(maps, MeshCaster(true), distances) if maps else None
+    return scores_of(error, truth.name, rules, depth), true
+
+
+def scores_of(error: SurfaceError, name: str, rules: GeometryRules, depth: DepthError | None = None) -> GeometryScores:
+    """Return the figures of an error."""
+    return GeometryScores(
+        truth=name,
+        diagonal=error.diagonal,
+        samples=rules.samples,
+        seen_share=error.seen_share,
+        accuracy_mean=float(error.accuracy.mean()),
+        accuracy_median=float(np.median(error.accuracy)),
+        completeness_mean=float(error.completeness.mean()),
+        completeness_median=float(np.median(error.completeness)),
+        thresholds=[
+            ThresholdScores(
+                share=score.share,
+                distance=score.distance,
+                precision=score.precision,
+                recall=score.recall,
+                f_score=score.f_score,
+            )
+            for score in error.scores
+        ],
+        depth=None
+        if depth is None
+        else DepthScores(
+            maps=depth.maps, known=depth.known, rmse=depth.rmse, median=depth.median, bad_shares=list(depth.bad)
+        ),
+    )
