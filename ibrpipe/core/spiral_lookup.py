@@ -207,11 +207,19 @@ def add(color, row, column, channel, residual, coded, encode):
     if not coded:
         color[row, column, channel] = max(value + residual, 0.0)
         return
-    value = coded_of(value, encode) + residual / 255.0
-    if value <= 0.04045:
-        color[row, column, channel] = max(value, 0.0) / 12.92
-    else:
-        color[row, column, channel] = math.pow((value + 0.055) / 1.055, 2.4)
+    color[row, column, channel] = decoded(coded_of(value, encode) + residual / 255.0)
+
+
+@helper
+def decoded(code):
+    """Linear light of a display code, 0 below 0."""
+    return max(code, 0.0) / 12.92 if code <= 0.04045 else math.pow((code + 0.055) / 1.055, 2.4)
+
+
+@helper
+def encoded(light):
+    """Display code of linear light above 0.0031308."""
+    return 1.055 * math.pow(light, 1.0 / 2.4) - 0.055
 
 
 @helper
@@ -219,7 +227,7 @@ def coded_of(value, encode):
     """Display code of linear light: table with linear interpolation below 1, the formula above."""
     last = len(encode) - 1
     if value >= 1.0:
-        return 1.055 * math.pow(value, 1.0 / 2.4) - 0.055
+        return encoded(value)
     at = math.sqrt(max(value, 0.0)) * last
     i = int(at)
     return encode[i] + (at - i) * (encode[min(i + 1, last)] - encode[i])

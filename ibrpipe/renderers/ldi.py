@@ -163,8 +163,7 @@ def _passes(
         stats["milliseconds"] = 1e3 * (perf_counter() - began)
         yield _frame(hits, color, known, outputs, stats)
         if color is not None and known is not None and "color" in outputs and residuals and scene.residuals is not None:
-            colored = np.where(known, hits.depth, np.float32(np.inf))  # nothing is added to colours that are unknown
-            stats["without_residual"] = residual_pass.add(scene.residuals, color, colored, camera)
+            stats["without_residual"] = residual_pass.add(scene.residuals, color, hits.depth, camera, known)
             stats["milliseconds"] = 1e3 * (perf_counter() - began)
             yield _frame(hits, color, known, outputs, stats)
 

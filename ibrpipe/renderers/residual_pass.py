@@ -5,30 +5,57 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from ibrpipe.core import spiral
-from ibrpipe.core.color import srgb_encode
+from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.core.spiral_lookup import shade
+from ibrpipe.core.spiral_shade import add_residuals
 from ibrpipe.errors import RendererError
 from ibrpipe.types import Array, Camera, SpiralResiduals, SpiralTexture
 
-#: entries of the table from linear light (by its square root) to display code
+#: entries of the tables from linear light (by its square root) to display code, and back
 CODES = 4096
 
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """Residuals of all textures, joined for one kernel call; `coded` = differences of display codes, else of light."""
+    """Residuals of all textures, joined for one kernel call.
 
-    arrays: tuple[Array, ...]
+    Attributes
+    ----------
+    rotations, origins, scales : (T, 3, 3), (T, 3), (T, 2) float64
+        Rows a, b, -f of the rectangles; their outer corners; 1 / edge lengths.
+    arrays : tuple
+        What :func:`ibrpipe.core.spiral_shade.add_residuals` takes as spirals, finds and tables (8-bit residuals), or
+        :func:`ibrpipe.core.spiral_lookup.shade` from `alphas` to `zero` (others).
+    packed : bool
+        Texels are 8-bit, packed into words.
+    coded : bool
+        Residuals are differences of display codes, else of linear light.
+    encode, decode : (CODES,) float32
+    """
+
+    rotations: Array
+    origins: Array
+    scales: Array
+    arrays: tuple[object, ...]
+    packed: bool
     coded: bool
     encode: Array
+    decode: Array
 
     @property
     def bytes(self) -> int:
         """Bytes held beyond the textures."""
-        return sum(array.nbytes for array in (*self.arrays, self.encode))
+        return sum(array.nbytes for array in _flat((self.rotations, self.origins, self.scales, *self.arrays)))
+
+
+def _flat(arrays: object) -> list[Array]:
+    if isinstance(arrays, tuple):
+        return [leaf for part in arrays for leaf in _flat(part)]
+    return [np.asarray(arrays)]
 
 
 def prepare(textures: Sequence[object]) -> Tables:
@@ -43,55 +70,131 @@ def prepare(textures: Sequence[object]) -> Tables:
     kinds = {r.texels.dtype for r in found}
     if len(kinds) > 1:
         raise RendererError("some textures hold 8-bit residuals and others linear ones; encode them alike")
-    encode = srgb_encode((np.arange(CODES) / (CODES - 1)) ** 2).astype(np.float32)
-    return Tables(_join(found), kinds == {np.dtype(np.uint8)}, encode)
-
-
-def _join(members: Sequence[SpiralResiduals]) -> tuple[Array, ...]:
-    edges = [(np.linalg.norm(r.rectangle.a), np.linalg.norm(r.rectangle.b)) for r in members]
+    coded = kinds == {np.dtype(np.uint8)}
+    edges = np.array([(np.linalg.norm(r.rectangle.a), np.linalg.norm(r.rectangle.b)) for r in found])
     rotations = [
-        np.stack([r.rectangle.a / a, r.rectangle.b / b, -r.rectangle.f])
-        for r, (a, b) in zip(members, edges, strict=True)
+        np.stack([r.rectangle.a / a, r.rectangle.b / b, -r.rectangle.f]) for r, (a, b) in zip(found, edges, strict=True)
     ]
-    counts = np.cumsum([0] + [len(r.alphas) for r in members])
-    first = np.cumsum([0] + [int(r.starts[-1]) for r in members])
-    starts = [r.starts[:-1] + first[i] for i, r in enumerate(members)]
-    return (
+    code = np.arange(CODES) / (CODES - 1)
+    return Tables(
         np.stack(rotations),
-        np.stack([r.rectangle.origin for r in members]),
-        1.0 / np.array(edges),
-        np.concatenate([r.alphas for r in members]),
-        np.array([r.k for r in members]),
-        np.array([spiral.LIMIT if r.closed else np.pi / 2 for r in members]),
-        np.array([spiral.closing_count(r.k) if r.closed else 0 for r in members]),
-        counts,
-        np.concatenate([r.directions for r in members]),
-        np.concatenate([r.sizes for r in members]).astype(np.int32),
-        np.concatenate([*starts, first[-1:]]),
-        np.concatenate([_packed(r) for r in members]),
-        np.concatenate([np.full(len(r.alphas), float(r.zero)) for r in members]),
+        np.stack([r.rectangle.origin for r in found]),
+        1.0 / edges,
+        _join_coded(found, 1.0 / edges) if coded else _join_linear(found),
+        coded,
+        coded,
+        srgb_encode(code**2).astype(np.float32),
+        srgb_decode(code).astype(np.float32),
     )
 
 
-def _packed(residuals: SpiralResiduals) -> Array:
-    """(T, 4) texels with validity as the fourth channel."""
-    return np.concatenate([residuals.texels, residuals.valid[:, None].astype(residuals.texels.dtype)], axis=1)
+def _starts(members: Sequence[SpiralResiduals]) -> Array:
+    """(D + 1,) int64: first texel of every image of all textures."""
+    first = np.cumsum([0] + [int(r.starts[-1]) for r in members])
+    return np.concatenate([*(r.starts[:-1] + first[i] for i, r in enumerate(members)), first[-1:]]).astype(np.int64)
 
 
-def add(tables: Tables, color: Array, depth: Array, camera: Camera) -> int:
+def _join_linear(members: Sequence[SpiralResiduals]) -> tuple[object, ...]:
+    counts = np.cumsum([0] + [len(r.alphas) for r in members])
+    texels = [np.concatenate([r.texels, r.valid[:, None].astype(np.float32)], axis=1) for r in members]
+    return (
+        np.concatenate([r.alphas for r in members]),
+        np.array([r.k for r in members]),
+        np.array([_limit(r) for r in members]),
+        np.array([_closing(r) for r in members]),
+        counts,
+        np.concatenate([r.directions for r in members]),
+        np.concatenate([r.sizes for r in members]).astype(np.int32),
+        _starts(members),
+        np.concatenate(texels),
+        np.zeros(counts[-1]),  # linear residuals have no code of nothing
+    )
+
+
+def _join_coded(members: Sequence[SpiralResiduals], scales: Array) -> tuple[object, ...]:
+    lasts = np.cumsum([len(r.alphas) for r in members]) - 1
+    parts = [_follow(r, int(last) + 1 - len(r.alphas)) for r, last in zip(members, lasts, strict=True)]
+    nexts, partners, guesses = (np.concatenate([part[n] for part in parts]) for n in range(3))
+    firsts = np.cumsum([0] + [len(part[2]) for part in parts])
+    ways = [r.directions[:, :2] / r.directions[:, 2:] * scale for r, scale in zip(members, scales, strict=True)]
+    spirals = (
+        np.array([r.k for r in members]),
+        np.array([_limit(r) for r in members]),
+        np.array([_closing(r) for r in members]),
+        lasts,
+    )
+    finds = (
+        np.concatenate([r.alphas for r in members]), nexts, partners, guesses, firsts,
+        np.array([part[3] for part in parts]),
+    )  # fmt: skip
+    tables = (
+        np.ascontiguousarray(np.concatenate(ways)),
+        np.concatenate([r.sizes for r in members]).astype(np.float64),
+        _starts(members),
+        np.concatenate([_words(r) for r in members]),
+        np.array([r.zero for r in members], np.float32),
+    )
+    return spirals, finds, tables
+
+
+def _follow(residuals: SpiralResiduals, first: int) -> tuple[Array, Array, Array, float]:
+    """Return alpha of the image after each, that image, the image at the begin of every bin of alpha, bins per radian.
+
+    Images are numbered from `first` on. After the last comes the first of the closing turn; of an open spiral, itself.
+    """
+    alphas, closing = np.asarray(residuals.alphas, np.float64), _closing(residuals)
+    count = len(alphas)
+    around = alphas[count - closing] + 2 * np.pi if closing else np.inf
+    nexts = np.append(alphas[1:], around)
+    partners = np.append(np.arange(1, count), count - closing if closing else count - 1)
+    bins = 2.0 / np.diff(nexts[:-1], prepend=alphas[0]).min(initial=1.0)
+    width = 1.0 / bins  # half of the least step: a bin holds the beginning of one image at most
+    begins = width * np.arange(int(alphas[-1] * bins) + 2) - 1e-6 * width
+    guesses = np.maximum(np.searchsorted(alphas, begins, side="right") - 1, 0)
+    return nexts, (partners + first).astype(np.uint32), (guesses + first).astype(np.uint32), float(bins)
+
+
+def _limit(residuals: SpiralResiduals) -> float:
+    return spiral.LIMIT if residuals.closed else np.pi / 2
+
+
+def _closing(residuals: SpiralResiduals) -> int:
+    return int(spiral.closing_count(residuals.k)) if residuals.closed else 0
+
+
+def _words(residuals: SpiralResiduals) -> Array:
+    """(T,) uint32: R, G, B from the lowest byte on, and 1 in the highest where valid."""
+    parts = np.zeros((len(residuals.texels), 4), np.uint8)
+    parts[:, :3], parts[:, 3] = residuals.texels, residuals.valid
+    return parts.view("<u4")[:, 0].astype(np.uint32, copy=False)
+
+
+def add(tables: Tables, color: Array, depth: Array, camera: Camera, known: Array | None = None) -> int:
     """Add residuals to a view-independent picture in place.
 
     Parameters
     ----------
     color : (H, W, 3) float32, linear
-    depth : (H, W) float32, along camera z, +inf where nothing is hit
+    depth : (H, W) float32, along camera z; +inf where nothing is hit
+    camera : Camera
+    known : (H, W) float32, optional
+        0 where nothing is added, because the colour is not known.
 
     Returns
     -------
     int
         Pixels hit for which no residual exists.
     """
-    lost = np.zeros(len(depth), np.int64)
-    pose = camera.center, np.ascontiguousarray(camera.world_from_pixel)
-    shade(color, depth, *pose, *tables.arrays, tables.coded, tables.encode, lost)
+    way = np.ascontiguousarray(camera.world_from_pixel)
+    known = np.ones_like(depth) if known is None else known
+    if not tables.packed:
+        lost = np.zeros(len(depth), np.int64)
+        seen = np.where(known > 0, depth, np.float32(np.inf))
+        frames = tables.rotations, tables.origins, tables.scales
+        shade(color, seen, camera.center, way, *frames, *tables.arrays, tables.coded, tables.encode, lost)
+        return int(lost.sum())
+    eyes = np.einsum("trc,tc->tr", tables.rotations, camera.center - tables.origins)
+    lost = np.zeros(numba.get_num_threads(), np.int64)
+    frames = tables.rotations @ way, eyes, tables.scales
+    add_residuals(color, depth, known, way, frames, *tables.arrays, tables.encode, tables.decode, lost)
     return int(lost.sum())

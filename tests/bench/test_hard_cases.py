@@ -31,7 +31,6 @@ KNOWN = {
         ("ldi quadtree",),
         "16 bits of -1/z do not separate depths from 1e-3 to 1e3: hits are lost",
     ),
-    "spiral-linear-residuals-with-a-zero": (LDI, "the code of no residual is taken from linear residuals too"),
 }
 
 
