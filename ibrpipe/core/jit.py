@@ -18,8 +18,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
+import numba.extending
 
 FAST_MATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
+AS_WRITTEN = {"nsz"}
 
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
 
@@ -99,6 +101,22 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
         numba.config.CACHE_DIR = before
 
 
+def _fma(typing: Any, a: Any, b: Any, c: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        same = [context.cast(builder, arg, kind, signature.return_type) for arg, kind in zip(args, signature.args)]
+        return builder.fma(*same)
+
+    return numba.types.float32(a, b, c), generate
+
+
+def _multiply_add(a: Any, b: Any, c: Any) -> Any:
+    return a * b + c
+
+
+#: a * b + c of float32 numbers, rounded once (twice where the compiler is off)
+fma = _multiply_add if numba.config.DISABLE_JIT else numba.extending.intrinsic(_fma)
+
+
 def helper(function: Callable[..., Any]) -> Any:
     """Compile a scalar function that kernels call."""
     return _compile(function)
@@ -122,6 +140,20 @@ def ordered(function: Callable[..., Any]) -> Any:
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a loop over rows that runs on all threads."""
     return _compile(function, parallel=True)
+
+
+def fused_exact(function: Callable[..., Any]) -> Any:
+    """`fused` for kernels of `exact_kernel`."""
+    return _compile(function, fastmath=AS_WRITTEN, forceinline=True)
+
+
+def exact_kernel(function: Callable[..., Any]) -> Any:
+    """`kernel` whose arithmetic is done as written: nothing is reordered, and fused only where `fma` says so.
+
+    A kernel is optimised once when it is compiled and once more in the copy that goes to the cache; where the compiler
+    may choose, the run that compiles and later runs differ in the last bits, which iterative searches amplify.
+    """
+    return _compile(function, fastmath=AS_WRITTEN, parallel=True)
 
 
 def serial(function: Callable[..., Any]) -> Any:

@@ -1,0 +1,94 @@
+"""Depth maps of all views of a capture, by PatchMatch or by rectified pairs, in COLMAP's layout."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ibrpipe.io.dense import DepthMap, write_workspace
+from ibrpipe.io.points import SparsePoints
+from ibrpipe.io.views import View
+from ibrpipe.progress import track
+from ibrpipe.stages.dense.consistency import keep_agreed
+from ibrpipe.stages.dense.job import Job
+from ibrpipe.stages.dense.matching import run_pass
+from ibrpipe.stages.dense.neighbours import neighbourhoods
+from ibrpipe.stages.dense.pictures import forget_pictures
+from ibrpipe.stages.dense.scales import map_size, passes
+from ibrpipe.stages.dense.settings import DepthConfig
+from ibrpipe.stages.executor import current_executor
+
+__all__ = ["DepthConfig", "estimate_depths"]
+
+
+def estimate_depths(
+    views: Sequence[View], workspace: Path, config: DepthConfig, seed: int, points: SparsePoints | None
+) -> tuple[DepthMap, ...]:
+    """Estimate depth, normals and confidence of every view.
+
+    Parameters
+    ----------
+    views : sequence of View
+        At least two.
+    workspace : Path
+        Folder to fill; a run that was stopped goes on where it was when the same is asked again.
+    config : DepthConfig
+    seed : int
+    points : SparsePoints or None
+        Its views are indices of `views`; they choose neighbours and depth ranges. None: cameras and masks do.
+
+    Returns
+    -------
+    tuple of DepthMap
+        In the order of `views`. Depth 0 is unknown.
+
+    Raises
+    ------
+    CaptureError
+        There are fewer than two views, or one shares nothing with the others.
+
+    Notes
+    -----
+    Memory: ``(9 V + 60)`` bytes a pixel of a depth map for V neighbours and each unit at work, and a cache of pictures of
+    `pictures.CACHE_BYTES`. Disk, until it is done: 32 bytes a pixel of all depth maps.
+    """
+    around = neighbourhoods(views, points, config.neighbours)
+    job = Job(tuple(views), around, config, seed, workspace)
+    job.resume()
+    seconds = [0.0] * len(views) if job.done() else _by_planes(job)
+    maps = tuple(
+        DepthMap(
+            view, job.workspace.depth(view.name), job.workspace.normal(view.name), job.workspace.confidence(view.name),
+            tuple(views[other].name for other in around[i].others), seconds[i],
+        )
+        for i, view in enumerate(views)
+    )  # fmt: skip
+    write_workspace(job.workspace, maps)
+    job.finish()
+    return maps
+
+
+def _by_planes(job: Job) -> list[float]:
+    """Run all rounds over all views, then write what is kept; return the seconds of each view."""
+    longest = max(max(map_size(view.camera, job.config.max_size)) for view in job.views)
+    rounds = passes(longest, job.config)
+    seconds = [0.0] * len(job.views)
+    first = 1 + max((order.number for order in rounds if job.whole(order.number)), default=-1)
+    for order in rounds[first:]:
+        label = f"depth {order.number + 1}/{len(rounds)}"
+        for i, spent in enumerate(_everywhere(run_pass, job, label, order)):
+            seconds[i] += spent
+        if order.number > 0:
+            shutil.rmtree(job.state_file(order.number - 1, 0).parent, ignore_errors=True)
+    for i, spent in enumerate(_everywhere(keep_agreed, job, "depth maps", rounds[-1].number)):
+        seconds[i] += spent
+    forget_pictures()
+    return seconds
+
+
+def _everywhere(unit: Callable[..., float], job: Job, label: str, *extra: Any) -> list[float]:
+    pool = current_executor()
+    pending = [pool.submit(unit, job, i, *extra) for i in range(len(job.views))]
+    return [work.result() for work in track(pending, label)]

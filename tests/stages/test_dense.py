@@ -1,0 +1,149 @@
+"""Depth maps of a small capture: error, resumption, neighbours, what is dropped."""
+
+import numpy as np
+import pytest
+
+from ibrpipe.errors import CaptureError
+from ibrpipe.io.dense import read_map
+from ibrpipe.io.images import write_png
+from ibrpipe.io.points import SparsePoints
+from ibrpipe.io.views import View
+from ibrpipe.stages import dense
+from ibrpipe.stages.dense.consistency import small_pieces
+from ibrpipe.stages.dense.neighbours import neighbourhoods
+from ibrpipe.stages.dense.scales import enlarged, passes
+from ibrpipe.types import Camera
+
+WIDTH, HEIGHT = 96, 72
+#: the surface: plane n . X = 1
+NORMAL = np.array([0.1, -0.05, 0.25])
+CONFIG = dense.DepthConfig(coarsest=64, iterations=4, neighbours=4)
+
+
+def rays(camera):
+    x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    return np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
+
+
+def true_depth(camera):
+    return (1 - NORMAL @ camera.center) / (rays(camera) @ NORMAL)
+
+
+@pytest.fixture(scope="module")
+def views(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("photos")
+    found = []
+    for n, (x, y) in enumerate([(-0.6, 0), (0, 0), (0.6, 0.1), (0.1, 0.5), (-0.2, -0.5)]):
+        camera = Camera.look_at([x, y, 0], [0, 0, 4.0], up=(0, -1, 0), fov_y_deg=45, width=WIDTH, height=HEIGHT)
+        points = camera.center + rays(camera) * true_depth(camera)[..., None]
+        s, t = 3 * points[..., 0], 3 * points[..., 1]
+        paint = 0.5 + 0.2 * np.sin(3 * s + t) * np.cos(2 * t) + 0.2 * np.sin(5 * t - 2 * s + np.sin(3 * s))
+        write_png(folder / f"{n}.png", np.repeat(paint[..., None], 3, axis=2).astype(np.float32))
+        mask = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+        mask[:, 6:] = 1
+        write_png(folder / f"{n}.mask.png", mask)
+        found.append(View(str(n), camera, folder / f"{n}.png", mask=folder / f"{n}.mask.png"))
+    return found
+
+
+def sparse(views):
+    x, y = np.meshgrid(np.linspace(-1, 1, 8), np.linspace(-0.8, 0.8, 6))
+    xyz = np.stack([x.ravel(), y.ravel(), (1 - NORMAL[0] * x - NORMAL[1] * y).ravel() / NORMAL[2]], axis=1)
+    count, every = len(xyz), len(views)
+    return SparsePoints(
+        xyz, np.zeros(count, np.float32), np.arange(count + 1) * every, np.tile(np.arange(every), count)
+    )
+
+
+def errors(views, maps):
+    for view, each in zip(views, maps, strict=True):
+        depth = read_map(each.depth)
+        yield depth, np.abs(depth / true_depth(view.camera) - 1)
+
+
+def test_depth_maps_of_a_plane(views, tmp_path):
+    maps = dense.estimate_depths(views, tmp_path, CONFIG, 3, sparse(views))
+    for depth, error in errors(views, maps):
+        assert (depth[:, :5] == 0).all()
+        assert (depth[:, 8:] > 0).mean() > 0.85
+        assert np.median(error[depth > 0]) < 0.004
+    normal, sure = read_map(maps[1].normal), read_map(maps[1].confidence)
+    expected = views[1].camera.R @ (-NORMAL / np.linalg.norm(NORMAL))
+    known = read_map(maps[1].depth) > 0
+    assert np.median(normal[known] @ expected) > 0.99
+    assert (normal[~known] == 0).all()
+    assert (sure[known] > 0).all()
+    assert sure[~known].max(initial=0) == 0
+    assert sure.max() <= 1
+    assert maps[0].seconds > 0
+
+
+def test_a_stopped_run_goes_on_and_gives_the_same_bytes(views, tmp_path, monkeypatch):
+    whole = dense.estimate_depths(views, tmp_path / "a", CONFIG, 3, sparse(views))
+    real, calls = dense.run_pass, []
+
+    def stops(job, which, order):
+        if order.number == 2 and which == 1:
+            raise KeyboardInterrupt
+        return real(job, which, order)
+
+    def counts(job, which, order):
+        calls.append(order.number)
+        return real(job, which, order)
+
+    monkeypatch.setattr(dense, "run_pass", stops)
+    with pytest.raises(KeyboardInterrupt):
+        dense.estimate_depths(views, tmp_path / "b", CONFIG, 3, sparse(views))
+    monkeypatch.setattr(dense, "run_pass", counts)
+    again = dense.estimate_depths(views, tmp_path / "b", CONFIG, 3, sparse(views))
+    assert min(calls) == 2
+    assert all(one.depth.read_bytes() == two.depth.read_bytes() for one, two in zip(whole, again))
+    assert all(one.normal.read_bytes() == two.normal.read_bytes() for one, two in zip(whole, again))
+    calls.clear()
+    assert [each.seconds for each in dense.estimate_depths(views, tmp_path / "b", CONFIG, 3, sparse(views))] == [0.0] * 5
+    assert not calls
+
+
+def test_neighbours_and_range_without_points(views):
+    for view, around in zip(views, neighbourhoods(views, None, 4), strict=True):
+        depth = true_depth(view.camera)
+        assert around.near < depth.min()
+        assert around.far > np.median(depth)
+        assert len(around.others) >= 2
+
+
+def test_neighbours_with_points_have_good_angles(views):
+    found = neighbourhoods(views, sparse(views), 2)
+    assert set(found[1].others) < {0, 2, 3, 4}
+    depth = true_depth(views[1].camera)
+    assert found[1].near < depth.min() < depth.max() < found[1].far
+
+
+def test_one_photo_is_too_few(views):
+    with pytest.raises(CaptureError, match="at least 2 photos, got 1"):
+        neighbourhoods(views[:1], None, 4)
+
+
+def test_enlarged_planes_are_continued(views):
+    y, x = np.mgrid[:6, :8] + 0.5
+    state = np.stack([1 + 0.02 * x - 0.01 * y, 0 * x + 0.02, 0 * x - 0.01, 0 * x]).astype(np.float32)
+    state[:, 2, 2] = 0
+    got = enlarged(state, np.ones((12, 16), np.uint8))
+    y, x = (np.mgrid[:12, :16] + 0.5) / 2
+    assert np.abs(got[0] - (1 + 0.02 * x - 0.01 * y))[1:-1, 1:-1].max() < 1e-6
+    assert np.allclose(got[1], 0.01)
+
+
+def test_small_pieces_are_found():
+    inverse = np.zeros((20, 20), np.float32)
+    inverse[2:12, 2:12], inverse[4:6, 4:6], inverse[15:17, 15:18] = 0.5, 0.8, 0.5
+    found = small_pieces(inverse, 0.01, 10)
+    assert found[4:6, 4:6].all()
+    assert found[15:17, 15:18].all()
+    assert found.sum() == 10
+
+
+def test_rounds_grow_to_the_full_size():
+    rounds = passes(900, dense.DepthConfig())
+    assert [order.shrink for order in rounds] == [4, 4, 4, 2, 2, 1, 1]
+    assert [order.consistent for order in rounds] == [False] + [True] * 6
