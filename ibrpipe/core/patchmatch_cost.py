@@ -36,19 +36,19 @@ BYTE, TWO_BYTES, THREE_BYTES, LOW = np.uint32(8), np.uint32(16), np.uint32(24), 
 @fused_exact
 def lay_window(window, work):
     # window (3, LANES) f32: dx, dy, exponent / 16 of the distance -> working memory
-    for l in range(LANES):
-        work[DX + l], work[DY + l], work[SPACE + l] = window[0, l], window[1, l], window[2, l]
+    for k in range(LANES):
+        work[DX + k], work[DY + k], work[SPACE + k] = window[0, k], window[1, k], window[2, k]
 
 
 @fused_exact
 def folded(row, work):
     # sum of the LANES numbers from `row` on, halves added to halves, so that its order is the same everywhere
-    for l in range(16):
-        work[row + l] += work[row + 16 + l]
-    for l in range(8):
-        work[row + l] += work[row + 8 + l]
-    for l in range(4):
-        work[row + l] += work[row + 4 + l]
+    for k in range(16):
+        work[row + k] += work[row + 16 + k]
+    for k in range(8):
+        work[row + k] += work[row + 8 + k]
+    for k in range(4):
+        work[row + k] += work[row + 4 + k]
     return (work[row] + work[row + 2]) + (work[row + 1] + work[row + 3])
 
 
@@ -56,48 +56,48 @@ def folded(row, work):
 def weigh(reference, i, j, softness, work):
     # weights of the window around (i, j) of the padded reference, and weight * (value - mean) -> variance
     centre = reference[i, j]
-    for l in range(LANES):
-        work[S + l] = reference[i + np.int64(work[DY + l]), j + np.int64(work[DX + l])]
-    for l in range(LANES):
-        apart = work[S + l] - centre
-        w = ONE - apart * apart * softness - work[SPACE + l]
+    for k in range(LANES):
+        work[S + k] = reference[i + np.int64(work[DY + k]), j + np.int64(work[DX + k])]
+    for k in range(LANES):
+        apart = work[S + k] - centre
+        w = ONE - apart * apart * softness - work[SPACE + k]
         w = w if w > ZERO else ZERO
         w = w * w
         w = w * w
         w = w * w
         w = w * w
-        w = w if work[S + l] >= ZERO else ZERO
-        work[WEIGHT + l], work[U + l] = w, w
+        w = w if work[S + k] >= ZERO else ZERO
+        work[WEIGHT + k], work[U + k] = w, w
     share = ONE / folded(U, work)
-    for l in range(LANES):
-        w = work[WEIGHT + l] * share
-        work[WEIGHT + l], work[U + l] = w, w * work[S + l]
+    for k in range(LANES):
+        w = work[WEIGHT + k] * share
+        work[WEIGHT + k], work[U + k] = w, w * work[S + k]
     mean = folded(U, work)
-    for l in range(LANES):
-        apart = work[S + l] - mean
-        product = work[WEIGHT + l] * apart
-        work[PRODUCT + l], work[U + l] = product, product * apart
+    for k in range(LANES):
+        apart = work[S + k] - mean
+        product = work[WEIGHT + k] * apart
+        work[PRODUCT + k], work[U + k] = product, product * apart
     return folded(U, work)
 
 
 @fused_exact
 def place(u0, v0, w0, ux, uy, vx, vy, wx, wy, right, bottom, work):
     # where the samples fall in the neighbour, in pixels from the centre of its first; kept inside it
-    for l in range(LANES):
-        w = ONE / fma(wx, work[DX + l], fma(wy, work[DY + l], w0))
-        u = fma(fma(ux, work[DX + l], fma(uy, work[DY + l], u0)), w, MINUS_HALF)
-        v = fma(fma(vx, work[DX + l], fma(vy, work[DY + l], v0)), w, MINUS_HALF)
+    for k in range(LANES):
+        w = ONE / fma(wx, work[DX + k], fma(wy, work[DY + k], w0))
+        u = fma(fma(ux, work[DX + k], fma(uy, work[DY + k], u0)), w, MINUS_HALF)
+        v = fma(fma(vx, work[DX + k], fma(vy, work[DY + k], v0)), w, MINUS_HALF)
         u = u if u > ZERO else ZERO
         v = v if v > ZERO else ZERO
-        work[U + l] = u if u < right else right
-        work[V + l] = v if v < bottom else bottom
+        work[U + k] = u if u < right else right
+        work[V + k] = v if v < bottom else bottom
 
 
 @fused_exact
 def fetch(pictures, n, pitch, work):
     # bilinear values of the samples; a word holds a pixel and its right, lower and lower right neighbour
-    for l in range(LANES):
-        u, v = work[U + l], work[V + l]
+    for k in range(LANES):
+        u, v = work[U + k], work[V + k]
         left, top = np.float32(np.int32(u)), np.float32(np.int32(v))
         fu, fv = u - left, v - top
         four = pictures[n, np.uint32(np.int32(fma(top, pitch, left)))]
@@ -107,16 +107,16 @@ def fetch(pictures, n, pitch, work):
         s11 = np.float32(np.int32(four >> THREE_BYTES))
         upper = fma(fu, s01 - s00, s00)
         lower = fma(fu, s11 - s10, s10)
-        work[S + l] = fma(fv, lower - upper, upper)
+        work[S + k] = fma(fv, lower - upper, upper)
 
 
 @fused_exact
 def correlate(variance, work):
     # the cost, from the samples fetched and the reference's weights
-    for l in range(LANES):
-        s = work[S + l]
-        ws = work[WEIGHT + l] * s
-        work[U + l], work[V + l], work[S + l] = ws, ws * s, work[PRODUCT + l] * s
+    for k in range(LANES):
+        s = work[S + k]
+        ws = work[WEIGHT + k] * s
+        work[U + k], work[V + k], work[S + k] = ws, ws * s, work[PRODUCT + k] * s
     mean, square, covariance = folded(U, work), folded(V, work), folded(S, work)
     spread = max(square - mean * mean, ZERO)
     return ONE - covariance / np.float32(math.sqrt((variance + FLOOR) * (spread + FLOOR)))

@@ -46,7 +46,7 @@ def scene():
 
 
 def arguments(scene, turn=0, consistency=(0.0, 2.0)):
-    greys, valid, views, truth = scene
+    greys, valid, _, truth = scene
     window = disc()
     margin = int(np.abs(window[:2]).max())
     padded = np.pad(np.where(valid, greys[0], np.float32(-1)), margin, constant_values=-1)

@@ -154,8 +154,8 @@ def chosen_views(costs, turn, keep):
 
 
 def half_sweep(
-    colour, turn, seed, reach, keep, softness, consistency, ranges, lens, window, reference, valid, views, greys, others,
-    state,
+    colour, turn, seed, reach, keep, softness, consistency, ranges, lens, window, reference, valid, views, greys,
+    others, state,
 ):  # fmt: skip
     """New state (4, H, W) after one half of a sweep; greys and others: lists of (H, W)."""
     out = state.astype(float)

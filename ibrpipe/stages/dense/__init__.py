@@ -51,8 +51,8 @@ def estimate_depths(
 
     Notes
     -----
-    Memory: ``(9 V + 60)`` bytes a pixel of a depth map for V neighbours and each unit at work, and a cache of pictures of
-    `pictures.CACHE_BYTES`. Disk, until it is done: 32 bytes a pixel of all depth maps.
+    Memory: ``20 V + 80`` bytes a pixel of a depth map for V neighbours and each unit at work, and a cache of pictures
+    of `pictures.CACHE_BYTES`. Disk, until it is done: 32 bytes a pixel of all depth maps.
     """
     around = neighbourhoods(views, points, config.neighbours)
     job = Job(tuple(views), around, config, seed, workspace)

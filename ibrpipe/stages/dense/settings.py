@@ -26,7 +26,10 @@ class DepthConfig(StageConfig):
         12.0, gt=0, le=255, description="Difference of grey (of 255) that halves a sample's weight, about"
     )
     consistency: float = Field(
-        0.15, ge=0, le=2, description="Cost of a pixel of disagreement with a neighbour's depth (a correlation costs 0..2)"
+        0.15,
+        ge=0,
+        le=2,
+        description="Cost of a pixel of disagreement with a neighbour's depth (a correlation costs 0..2)",
     )
     min_agreeing: int = Field(
         2, ge=0, le=16, description="Neighbours whose depth must agree; as many as there are where there are fewer"
