@@ -18,11 +18,13 @@ STRIPE = 128
 
 
 @kernel
-def place_texels(height, codes, table, eye, shifts, lines, window, zoom, out):
-    # as warp_rows; eye f64: e_u, h, ground; lines (3, H) f32; zoom: pixels per texel along rows
+def place_texels(height, codes, table, eye, shifts, lines, window, axis, out):
+    # as warp_rows; eye f64: e_u, h, ground; lines (3, H) f32; axis f64: pixels per texel along rows, and where
+    # u = 0 falls
     # out (3, H, W) f32: first and second coordinate and shift of every texel of the window, NaN where it is a hole or
     # at or behind the eye's plane
     e, h, ground = np.float32(eye[0]), np.float32(eye[1]), np.float32(eye[2])
+    zoom, shift = np.float32(axis[0]), np.float32(axis[1])
     wall, coded = shifts.shape[0] > 0, table.shape[0] > 0
     tiny = np.float32(1e-6) * abs(h)
     for job in prange(window[1] - window[0]):
@@ -36,7 +38,7 @@ def place_texels(height, codes, table, eye, shifts, lines, window, zoom, out):
             u = np.float32(i) + HALF
             carried = value if wall else g
             good = g > NONE and value == value
-            out[0, k, i] = np.float32(zoom) * (u + (u - e) * g) if good else HOLE
+            out[0, k, i] = zoom * (u + (u - e) * g) + shift if good else HOLE
             out[1, k, i] = lines[0, k] + lines[1, k] * carried
             out[2, k, i] = g
 

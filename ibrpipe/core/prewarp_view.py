@@ -14,6 +14,8 @@ from numba import prange
 
 from ibrpipe.core.jit import helper, kernel
 
+#: owner of what is no surface
+NOBODY = 255
 #: pixels that are worked on together; constant places in the working memory
 CHUNK = 256
 ONE, ZERO, HALF, MISS = (np.float32(x) for x in (1.0, 0.0, 0.5, np.inf))
@@ -107,12 +109,31 @@ def view_depth(shifts, stride, homography, bounds, jump, fresh, out):
 
 
 @kernel
-def view_color(depth, before, homography, places, color, size, out, alpha):
-    # depth (h, w) f32, before the same or empty = inf: where depth < before, this texture is seen; homography (2, 3)
+def view_owner(owners, homography, bounds, out):
+    # owners (rows, columns) u8 of plane pixels, 255 = none; homography, bounds as view_depth -> out (h, w) u8, written
+    # where the plane's pixel nearest to a ray has an owner
+    right, bottom = bounds[4] - 1.0, bounds[5] - 1.0
+    for y in prange(out.shape[0]):
+        first, end = row_span(homography, bounds, y, out.shape[1])
+        py = y + 0.5
+        for px in range(first, end):
+            x = px + 0.5
+            w = 1.0 / (homography[2, 0] * x + homography[2, 1] * py + homography[2, 2])
+            i = min(max((homography[0, 0] * x + homography[0, 1] * py + homography[0, 2]) * w, 0.0), right)
+            j = min(max((homography[1, 0] * x + homography[1, 1] * py + homography[1, 2]) * w, 0.0), bottom)
+            owner = owners[int(j), int(i)]
+            out[y, px] = owner if owner != NOBODY else out[y, px]
+
+
+@kernel
+def view_color(depth, before, owner, number, homography, places, color, size, out, alpha):
+    # depth (h, w) f32, before the same or empty = inf: where depth < before, this texture is seen; owner (h, w) u8,
+    # empty, or it is seen where it says `number`; homography (2, 3)
     # f64 gives the ways, places (2,) f64 the eye's u, v: a ray's u, v at camera depth t are places + t * way
     # color (H W, 4) f32, size (H, W); out (h, w, 3), alpha (h, w) f32; all pixels are written where `before` is empty
     rows, columns = float(size[0] - 1), float(size[1] - 1)
-    line, fresh = np.uint32(size[1]), before.shape[0] == 0
+    line, fresh = np.uint32(size[1]), before.shape[0] == 0 and owner.shape[0] == 0
+    owned = owner.shape[0] > 0
     right, bottom = max(columns - 1.0, 0.0), max(rows - 1.0, 0.0)
     beside, below = np.uint64(1 if columns > 0 else 0), np.uint64(size[1] if rows > 0 else 0)
     e_u, e_v = places[0] - 0.5, places[1] - 0.5
@@ -127,7 +148,8 @@ def view_color(depth, before, homography, places, color, size, out, alpha):
             seen = np.int32(0)
             for n in range(count):
                 x = to + np.uint64(n)
-                here = depth[y, x] < (MISS if fresh else before[y, x])
+                here = owner[y, x] == number if owned else depth[y, x] < (MISS if fresh else before[y, x])
+                here = here and depth[y, x] < MISS
                 mine[n] = np.uint8(1) if here else np.uint8(0)
                 seen += np.int32(1) if here else np.int32(0)
             if seen == 0 and not fresh:

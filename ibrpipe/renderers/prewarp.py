@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from time import perf_counter
 from typing import Any
 
@@ -16,6 +17,7 @@ from ibrpipe.core import prewarp_view
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers import ldi
 from ibrpipe.renderers.ldi import limited_threads
+from ibrpipe.renderers.prewarp_box import Box, draw_box, find_box
 from ibrpipe.renderers.prewarp_faces import Face, Sight, plane_face, sight, wall_face, wide_plane, wide_wall
 from ibrpipe.renderers.prewarp_passes import Settings, warp_face
 from ibrpipe.renderers.prewarp_source import Relief, build_relief
@@ -23,6 +25,10 @@ from ibrpipe.types import Array, Camera, Frame
 
 METHODS = ("two-pass", "pipelined")
 FALLBACKS = ("auto", "never", "always")
+QUADS = ("auto", "each")
+
+_NO_DEPTH, _NO_OWNER = np.empty((0, 0), np.float32), np.empty((0, 0), np.uint8)
+
 #: texels on a side below which a relief is searched exactly
 FEWEST = 4
 #: texels from a relief's box within which the eye is too near for a pre-warped picture
@@ -38,6 +44,11 @@ class Scene:
     """All relief textures of a prepared source."""
 
     reliefs: tuple[Relief, ...]
+
+    @cached_property
+    def box(self) -> Box | None:
+        """The box whose faces the textures are, if they are."""
+        return find_box(self.reliefs)
 
     @property
     def bytes(self) -> int:
@@ -55,6 +66,8 @@ class Canvas:
     color, alpha : (H, W, 3), (H, W) float32, without pixels unless `shaded`
     shaded, drawn, colored : bool
         Whether colours are wanted; whether depth, and colours, have been written.
+    faces : int
+        How many faces have been shown.
     """
 
     depth: Array
@@ -63,6 +76,7 @@ class Canvas:
     shaded: bool
     drawn: bool = False
     colored: bool = False
+    faces: int = 0
 
     @classmethod
     def blank(cls, height: int, width: int, shaded: bool) -> Canvas:
@@ -76,7 +90,7 @@ class Canvas:
         if self.drawn and self.shaded:
             self.fill()
             return self.depth.copy()
-        return np.empty((0, 0), np.float32)
+        return _NO_DEPTH
 
     def fill(self) -> None:
         """Write background into what has not been written."""
@@ -107,6 +121,7 @@ def draw(
     level: int | str = "auto",
     max_step: float | None = None,
     fallback: str = "auto",
+    quads: str = "auto",
     threads: int = 0,
 ) -> Frame:
     """Render one frame; see `ibrpipe.render` and, for the options, ``docs/renderers/prewarp.md``."""
@@ -120,23 +135,31 @@ def draw(
         raise RendererError(f"max_step is {max_step}; give a positive number of texels, or None")
     if fallback not in FALLBACKS:
         raise RendererError(f"fallback is {fallback!r}; choose among: {', '.join(FALLBACKS)}")
+    if quads not in QUADS:
+        raise RendererError(f"quads is {quads!r}; choose among: {', '.join(QUADS)}")
     settings = Settings(method, depth_bits)
     began = perf_counter()
     shaded = bool({"color", "alpha"} & set(outputs))
     canvas = Canvas.blank(camera.height, camera.width, shaded)
     with limited_threads(threads):
         near = [fallback == "always" or (fallback == "auto" and _is_near(each, camera)) for each in scene.reliefs]
-        for relief, exact in zip(scene.reliefs, near, strict=True):
+        chosen = [
+            relief.level(projected_level(relief, camera) if level == "auto" else int(level)).joined_up_to(max_step)
+            for relief in scene.reliefs
+        ]
+        shown = 0
+        if quads == "auto" and not any(near) and scene.box is not None:
+            shown = _draw_object(tuple(chosen), camera, settings, canvas)
+        for relief, each, exact in zip(scene.reliefs, chosen, near, strict=True):
             if exact:
                 _draw_exact(relief, camera, canvas)
-                continue
-            number = projected_level(relief, camera) if level == "auto" else int(level)
-            chosen = relief.level(number).joined_up_to(max_step)
-            _draw_relief(chosen, camera, settings, canvas)
+            elif not shown:
+                _draw_relief(each, camera, settings, canvas)
     depth, color, alpha = canvas.finished()
     stats: dict[str, Any] = {
         "rays": depth.size,
         "exact": sum(near),
+        "quads": shown or canvas.faces,
         "milliseconds": 1e3 * (perf_counter() - began),
     }
     return Frame(
@@ -156,8 +179,27 @@ def _draw_relief(relief: Relief, camera: Camera, settings: Settings, canvas: Can
     if drawn and canvas.shaded:
         rays = view.ways[:2], view.eye[:2]
         size = np.array(relief.height.shape)
-        prewarp_view.view_color(canvas.depth, before, *rays, relief.texels, size, canvas.color, canvas.alpha)
+        prewarp_view.view_color(
+            canvas.depth, before, _NO_OWNER, 0, *rays, relief.texels, size, canvas.color, canvas.alpha
+        )
         canvas.colored = True
+
+
+def _draw_object(reliefs: tuple[Relief, ...], camera: Camera, settings: Settings, canvas: Canvas) -> int:
+    """Draw the faces of a box as at most three quadrilaterals -> how many; 0 where the eye is inside the box."""
+    box = find_box(reliefs)
+    if box is None or not box.quads(camera):
+        return 0
+    canvas.fill()
+    owner = np.full(canvas.depth.shape, prewarp_view.NOBODY, np.uint8)
+    shown = draw_box(box, camera, settings, canvas.depth, owner)
+    for number, relief in enumerate(reliefs if canvas.shaded else ()):
+        view = sight(relief.frame, camera)
+        rays, size = (view.ways[:2], view.eye[:2]), np.array(relief.height.shape)
+        prewarp_view.view_color(
+            canvas.depth, _NO_DEPTH, owner, number, *rays, relief.texels, size, canvas.color, canvas.alpha
+        )
+    return shown
 
 
 def _is_near(relief: Relief, camera: Camera) -> bool:
@@ -221,7 +263,7 @@ def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:
     if spread <= WIDE:
         wide = None if h > high and relief.front_only else wide_plane(view, rows, columns, (low, high), base)
         return [] if wide is None else [(wide, False)]
-    for swapped in (False, True):
+    for swapped in (False, True) if outside else ():
         seen, size = (view.swapped(), (columns, rows)) if swapped else (view, (rows, columns))
         wide, found_one = wide_wall(seen, *size, low, high, relief.pitch, WIDEST)
         if found_one:
@@ -258,4 +300,5 @@ def _draw_face(relief: Relief, view: Sight, face: Face, settings: Settings, canv
     jump = relief.jump(face, view)
     prewarp_view.view_depth(shifts.ravel(), shifts.shape[1], homography, bounds, jump, not canvas.drawn, canvas.depth)
     canvas.drawn = True
+    canvas.faces += 1
     return True

@@ -15,6 +15,12 @@ from ibrpipe.types import Array, Camera, ParallelFrame
 
 #: farthest a texel may be magnified toward the eye before it counts as reaching infinity
 MOST = 1e6
+#: texels from which on a texture's picture may be coarser than the texture
+LARGE = 2**16
+#: least pixels along depth that a row must have in a wall beyond all rows
+LEAST_DEPTH = 0.25
+#: most pixels of a small texture's wall per texel along depth
+FINER = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +73,11 @@ class Face:
     window : (left, right, top, bottom) float
         The part of the face that is in view, face pixels.
     zoom : float
-        Pixels of the face's picture per texel, along rows.
+        Pixels of the face's picture per texel, along rows; on a plane along columns, too.
+    shift : (x, y) float
+        Where u = 0, and on a plane v = 0, falls in the picture.
+    near : bool
+        The face is between the eye and the surface.
     """
 
     wall: bool
@@ -78,6 +88,8 @@ class Face:
     far: float
     window: tuple[float, float, float, float]
     zoom: float = 1.0
+    shift: tuple[float, float] = (0.0, 0.0)
+    near: bool = False
 
 
 def plane_face(view: Sight, rows: int, columns: int, depth: float) -> Face | None:
@@ -86,15 +98,27 @@ def plane_face(view: Sight, rows: int, columns: int, depth: float) -> Face | Non
     return _face(view, False, depth, 1.0, 0.0, 2, (0, 1), (e_u, e_v), depth - h, (0.5, columns - 0.5, 0.5, rows - 0.5))
 
 
-def wide_plane(view: Sight, rows: int, columns: int, depths: tuple[float, float], depth: float) -> Face | None:
-    """Return the face d = `depth` with all that surfaces between two `depths` reach beyond its borders."""
+def rectangle_face(view: Sight, limits: tuple[float, float, float, float]) -> Face | None:
+    """Return the rectangle (left, right, top, bottom) of the plane d = 0."""
     e_u, e_v, h = view.eye
+    return _face(view, False, 0.0, 1.0, 0.0, 2, (0, 1), (e_u, e_v), -h, limits)
+
+
+def wide_plane(view: Sight, rows: int, columns: int, depths: tuple[float, float], depth: float) -> Face | None:
+    """Return the face d = `depth` with all that surfaces between two `depths` reach beyond its borders.
+
+    The picture of a small texture has two pixels per texel: its borders are sampled, not cut.
+    """
+    e_u, e_v, h = view.eye
+    zoom = 1.0 if rows * columns >= LARGE else 2.0
     ratios = np.array([(h - depth) / (h - d) for d in depths])
     limits = []
     for e, count in ((e_u, columns), (e_v, rows)):
         reached = e + np.outer((0.5 - e, count - 0.5 - e), ratios)
-        limits += [float(reached.min()), float(reached.max())]
-    return _face(view, False, depth, 1.0, 0.0, 2, (0, 1), (e_u, e_v), depth - h, (*limits,))
+        limits += [zoom * float(reached.min()), zoom * float(reached.max())]
+    scaled = Sight(view.eye, view.ways * np.array([zoom, zoom, 1.0])[:, None], view.width, view.height)
+    face = _face(scaled, False, depth, 1.0, 0.0, 2, (0, 1), (zoom * e_u, zoom * e_v), depth - h, (*limits,))
+    return None if face is None else replace(face, zoom=zoom)
 
 
 def wall_face(view: Sight, columns: int, at: float, low: float, high: float, pitch: float) -> Face | None:
@@ -108,9 +132,10 @@ def wide_wall(
 ) -> tuple[Face | None, bool]:
     """Return a wall beyond all rows with all that the surface reaches on its plane, and whether there is such a wall.
 
-    There is none while the eye's foot lies between the outermost rows, or where the nearest row is magnified more than
-    `most` times. Where the frame has fewer pixels than its picture, that is made smaller: the farthest row is then
-    reduced as much as the nearest is magnified.
+    There is none while the eye's foot lies between the outermost rows, where the nearest row is magnified more than
+    `most` times, or where too many rows would fall on one pixel. Where the frame has fewer pixels than its picture,
+    that is made smaller, until the farthest row is reduced as much as the nearest is magnified; where a small texture's
+    has more along depth, finer.
     """
     e_u, e_v, h = view.eye
     near, at = (0.5, rows - 0.5) if e_v < 0.5 * rows else (rows - 0.5, 0.5)
@@ -121,13 +146,17 @@ def wide_wall(
     along = h + np.outer((low - h, high - h), ratios)
     bottom = float(along.min())
     limits = np.array([across.min(), across.max(), 0.0, (along.max() - bottom) / pitch])
+    if limits[3] < LEAST_DEPTH * rows:
+        return None, False
     face = _wall(view, at, bottom, pitch, (*limits,))
     if face is None:
         return None, True
     x0, x1, y0, y1 = face.window
-    finer = view.width * view.height / max((x1 - x0) * (y1 - y0), 1.0)
-    zoom = min(max(float(ratios[1]) ** -0.5, finer**0.5), 1.0)
-    return _wall(view, at, bottom, pitch / zoom, (*(zoom * limits),), zoom), True
+    least, most = (float(ratios[1]) ** -0.5, 1.0) if rows * columns >= LARGE else (1.0, FINER)
+    zoom = min(max(view.width / max(x1 - x0, 1.0), least), 1.0)
+    finer = min(max(view.height / max(y1 - y0, 1.0), least), most)
+    limits *= np.array([zoom, zoom, finer, finer])
+    return _wall(view, at, bottom, pitch / finer, (*limits,), zoom), True
 
 
 def _wall(

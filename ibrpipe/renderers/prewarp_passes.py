@@ -124,7 +124,7 @@ def _two_pass(
     blocks, lanes = -(-count // prewarp.LANES), prewarp.LANES
     values = scratch("values", (blocks, relief.height.shape[0] + ODD, lanes))
     breaks = relief.breaks if relief.broken else _NONE8
-    field, axis = _field(relief, face, plan, settings), np.array([face.zoom, -(left + 0.5)])
+    field, axis = _field(relief, face, plan, settings), np.array([face.zoom, face.shift[0] - (left + 0.5)])
     window = np.array([first, last + 1, *plan.texels, count, plan.most > CAREFUL])
     if face.wall:
         prewarp_columns.scale_rows(*field, breaks, plan.eye[0], axis, plan.shifts, window, values)
@@ -134,7 +134,7 @@ def _two_pass(
     else:
         prewarp.warp_rows(*field, breaks, plan.eye, axis, window, values)
         foot = prewarp.last_before(view.eye[1], relief.height.shape[0])
-        split = prewarp.first_pixel(view.eye[1], top, height)
+        split = prewarp.first_pixel(face.zoom * view.eye[1] + face.shift[1], top, height)
         ends = min(foot + 1, last), max(foot, first)
         sides = np.array([[first, ends[0], 1, 1, 0, split], [last, ends[1], -1, -1, split, height]])
         sides[:, 5] = np.where((sides[:, 1] - sides[:, 0]) * sides[:, 2] > 0, sides[:, 5], sides[:, 4])
@@ -150,18 +150,25 @@ def _pipelined(
     rows, columns = relief.height.shape
     places = scratch("places", (3, rows, columns))
     window = np.array([plan.rows[0], plan.rows[1] + 1, *plan.texels])
+    axis = np.array([face.zoom, face.shift[0]])
     prewarp_pipelined.place_texels(
-        *_field(relief, face, plan, settings), plan.eye, plan.shifts, plan.lines, window, face.zoom, places
+        *_field(relief, face, plan, settings), plan.eye, plan.shifts, plan.lines, window, axis, places
     )
     borders = [(x, x + prewarp_pipelined.STRIPE) for x in range(left, left + count, prewarp_pipelined.STRIPE)]
     ranges = np.array(
-        [source_range(view.eye[0], (a / face.zoom, b / face.zoom), plan.least, plan.most, columns) for a, b in borders]
+        [source_range(view.eye[0], _texels(face, 0, border), plan.least, plan.most, columns) for border in borders]
     )
     feet = np.array([prewarp.last_before(view.eye[0], columns), prewarp.last_before(view.eye[1], rows)])
     breaks = relief.breaks if relief.broken else _NONE8
     window = np.array([*plan.rows, count, left, top, plan.order])
     ranges = np.stack([np.maximum(ranges[:, 0], plan.texels[0]), np.minimum(ranges[:, 1], plan.texels[1])], axis=1)
     prewarp_pipelined.pipeline(places, breaks, ranges, feet, window, out[PAD : len(out) - PAD])
+
+
+def _texels(face: Face, axis: int, pixels: tuple[float, float]) -> tuple[float, float]:
+    """Two places in a face's picture, in texels."""
+    a, b = ((x - face.shift[axis]) / face.zoom for x in pixels)
+    return a, b
 
 
 def _magnification(low: float, high: float, at: float, h: float) -> tuple[float, float]:
@@ -178,9 +185,9 @@ def _plane_plan(relief: Relief, view: Sight, face: Face) -> Plan:
     x0, x1, y0, y1 = face.window
     v = np.arange(rows) + 0.5
     return Plan(
-        source_range(e_v, (y0 - 1, y1 + 1), least, most, rows),
-        source_range(e_u, (x0 - 1, x1 + 1), least, most, columns),
-        np.stack([v, v - e_v, np.zeros(rows)]).astype(np.float32),
+        source_range(e_v, _texels(face, 1, (y0 - 1, y1 + 1)), least, most, rows),
+        source_range(e_u, _texels(face, 0, (x0 - 1, x1 + 1)), least, most, columns),
+        np.stack([face.zoom * v + face.shift[1], face.zoom * (v - e_v), np.zeros(rows)]).astype(np.float32),
         _NONE,
         np.array([e_u, h - face.at, face.at]),
         least,
@@ -201,15 +208,20 @@ def _wall_plan(relief: Relief, view: Sight, face: Face) -> Plan:
     if (e_v - 0.5) * (e_v - (rows - 0.5)) > 0:  # the foot is not between the rows
         near = 0.5 if ahead else rows - 0.5
         most = min(most, max((face.at - e_v) / (near - e_v), 1.0) * (1.0 + 1e-6))
+    least = 1.0
+    if face.near:
+        most, least = 1.0, (face.at - e_v) / ((rows - 0.5 if ahead else 0.5) - e_v)
     nearest = e_v + (face.at - e_v) / most
     edge = (max(nearest, e_v + 1e-4), face.at) if ahead else (face.at, min(nearest, e_v - 1e-4))
     first, last = max(int(np.ceil(edge[0] - 0.5)) - 1, 0), min(int(np.floor(edge[1] - 0.5)) + 1, rows - 1)
+    if face.near:
+        first, last = 0, rows - 1
     v = np.arange(rows) + 0.5
     away = (v - e_v) if ahead else (e_v - v)
     while first <= last and away[first if ahead else last] < 1e-4:
         first, last = (first + 1, last) if ahead else (first, last - 1)
     g = np.where(away > 0, (face.at - v) / np.where(away > 0, v - e_v, 1.0), 0.0)
     lines = np.stack([-(h * g + face.low) / face.pitch, (1.0 + g) / face.pitch, g]).astype(np.float32)
-    texels = source_range(e_u, ((x0 - 1) / face.zoom, (x1 + 1) / face.zoom), 1.0, most, columns)
+    texels = source_range(e_u, _texels(face, 0, (x0 - 1, x1 + 1)), least, most, columns)
     eye = np.array([e_u, h, 0.0])
-    return Plan((first, last), texels, lines, g.astype(np.float32), eye, 1.0, most, -1 if ahead else 1)
+    return Plan((first, last), texels, lines, g.astype(np.float32), eye, least, most, -1 if ahead else 1)

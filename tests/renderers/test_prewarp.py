@@ -171,6 +171,7 @@ def test_steps_above_the_threshold_are_parted():
         ({"level": -1}, "level is -1"),
         ({"max_step": 0.0}, "max_step is 0.0"),
         ({"fallback": "maybe"}, "fallback is 'maybe'"),
+        ({"quads": "four"}, "quads is 'four'"),
     ],
 )
 def test_options_out_of_range_are_named(options, text):

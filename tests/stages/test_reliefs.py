@@ -80,6 +80,35 @@ def test_a_box_is_seen_from_every_region(renderer):
         error = np.abs(frame.depth[both] - want[both])
         assert np.median(error) < 0.01
         assert np.quantile(error, 0.95) < 0.08  # at 64 pixels many lie on the limb
+        if renderer == "prewarp":
+            assert frame.stats["quads"] == np.abs(way - 1).sum() <= 3
+            assert ((frame.alpha > 0) == np.isfinite(frame.depth)).all()
+
+
+@pytest.mark.parametrize("method", ["two-pass", "pipelined"])
+def test_merged_quads_show_what_the_single_textures_show(method):
+    prepared = ibrpipe.prepare(asset_from_reliefs(box_from_mesh(ball(), 48), "abcdef", "ball"), "prewarp")
+    camera = ibrpipe.Camera.look_at((3.0, -2.5, 2.0), (0, 0, 0), (0, 0, 1), 40.0, 96, 96)
+    merged = ibrpipe.render(prepared, camera, "prewarp", method=method)
+    each = ibrpipe.render(prepared, camera, "prewarp", method=method, quads="each")
+    assert merged.stats["quads"] == 3
+    both = np.isfinite(merged.depth) & np.isfinite(each.depth)
+    assert (np.isfinite(merged.depth) != np.isfinite(each.depth)).mean() < 0.01
+    assert np.median(np.abs(merged.depth[both] - each.depth[both])) < 0.01
+    assert np.median(np.abs(merged.color[both] - each.color[both])) < 0.02
+    inside = ibrpipe.Camera.look_at((0.9, 0.9, 0.9), (0, 0, 0), (0, 0, 1), 40.0, 16, 16)
+    assert ibrpipe.render(prepared, inside, "prewarp", fallback="never").stats["quads"] > 3
+
+
+def test_quads_are_merged_only_for_the_faces_of_one_box():
+    side = relief_from_mesh(ball(), "+z", 24)
+    assert ibrpipe.prepare([side], "prewarp").data.box is None
+    assert ibrpipe.prepare([side, relief_from_mesh(ball(), "-z", 24)], "prewarp").data.box is None
+    assert ibrpipe.prepare([side, relief_from_mesh(ball(), "-x", 24)], "prewarp").data.box is not None
+    frame = side.frame
+    moved = ibrpipe.ParallelFrame(frame.origin + 0.5 * frame.a / np.linalg.norm(frame.a), frame.b, frame.f * np.linalg.norm(frame.a),
+                                  frame.a / np.linalg.norm(frame.a))  # fmt: skip
+    assert ibrpipe.prepare([side, ibrpipe.ReliefTexture(moved, side.color, side.height)], "prewarp").data.box is None
 
 
 def test_layers_and_back():
