@@ -105,9 +105,9 @@ def test_quads_are_merged_only_for_the_faces_of_one_box():
     assert ibrpipe.prepare([side], "prewarp").data.box is None
     assert ibrpipe.prepare([side, relief_from_mesh(ball(), "-z", 24)], "prewarp").data.box is None
     assert ibrpipe.prepare([side, relief_from_mesh(ball(), "-x", 24)], "prewarp").data.box is not None
-    frame = side.frame
-    moved = ibrpipe.ParallelFrame(frame.origin + 0.5 * frame.a / np.linalg.norm(frame.a), frame.b, frame.f * np.linalg.norm(frame.a),
-                                  frame.a / np.linalg.norm(frame.a))  # fmt: skip
+    frame, texel = side.frame, np.linalg.norm(side.frame.a)
+    aside = frame.origin + 0.5 * frame.a / texel
+    moved = ibrpipe.ParallelFrame(aside, frame.b, frame.f * texel, frame.a / texel)
     assert ibrpipe.prepare([side, ibrpipe.ReliefTexture(moved, side.color, side.height)], "prewarp").data.box is None
 
 
