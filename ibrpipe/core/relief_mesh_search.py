@@ -15,6 +15,8 @@ import numpy as np
 from ibrpipe.core.jit import helper, ordered
 from ibrpipe.core.relief_map import HEAD
 
+#: level of the pyramid on which a ray sets out
+START = 3
 #: depth by which a ray that enters from within may already be inside, and still counts as just arriving
 ARRIVING = 1e-7
 
@@ -117,33 +119,33 @@ def first_in_cell(front, back, i, j, p, q, z, dx, dy, dz, length, was_out):
 def search_along(front, back, lows, highs, plan, ray, begin, end, solid):
     # first s in [begin, end] that is inside, no feature missed -> s, inf = none; solid: being inside at `begin` counts
     x, y, z, dx, dy, dz = ray
-    rows, columns, top = plan[0], plan[1], plan[2]
+    rows, columns, top, wraps = plan[0], plan[1], plan[2], plan[3] != 0
     two = back.shape[0] > 0
-    i, j = np.int64(math.floor(x + begin * dx)), np.int64(math.floor(y + begin * dy))
-    if plan[3] == 0:
+    over_x, over_y = (1.0 / dx if dx != 0.0 else 0.0), (1.0 / dy if dy != 0.0 else 0.0)
+    s, was_out = begin, solid
+    i, j = np.int64(math.floor(x + s * dx)), np.int64(math.floor(y + s * dy))
+    if not wraps:
         i, j = min(max(i, 0), columns - 1), min(max(j, 0), rows - 1)
-    s, level, was_out = begin, top, solid
+    ci, cj = i, j  # the same cell in the grid
+    if wraps:
+        ci, cj = i % columns, j % rows
+    level = min(top, START)
     while True:
-        ci, cj = i, j  # cell in the grid
-        if plan[3] != 0 and (ci < 0 or ci >= columns):
-            ci %= columns
-        if plan[3] != 0 and (cj < 0 or cj >= rows):
-            cj %= rows
-        bi, bj = ci >> level, cj >> level
-        left, up = i - ci + (bi << level), j - cj + (bj << level)
-        right, down = min(left + (1 << level), i - ci + columns), min(up + (1 << level), j - cj + rows)
+        size = np.int64(1) << level
+        left, up = ci & ~(size - 1), cj & ~(size - 1)  # of the block, in the grid
+        right, down = min(left + size, columns), min(up + size, rows)
         to, axis = end, 0
         if dx != 0.0:
-            t = ((right if dx > 0.0 else left) - x) / dx
+            t = ((i - ci) + (right if dx > 0.0 else left) - x) * over_x
             if t < to:
                 to, axis = t, 1
         if dy != 0.0:
-            t = ((down if dy > 0.0 else up) - y) / dy
+            t = ((j - cj) + (down if dy > 0.0 else up) - y) * over_y
             if t < to:
                 to, axis = t, 2
         to = max(to, s)
         za, zb = z + s * dz, z + to * dz
-        node = plan[HEAD + 2 * level] + bj * plan[HEAD + 2 * level + 1] + bi
+        node = plan[HEAD + 2 * level] + (cj >> level) * plan[HEAD + 2 * level + 1] + (ci >> level)
         free = max(za, zb) < lows[node]
         if two:
             free = free or min(za, zb) > highs[node]
@@ -162,16 +164,21 @@ def search_along(front, back, lows, highs, plan, ray, begin, end, solid):
             return np.inf
         s = to
         if axis == 1:
-            i = right if dx > 0.0 else left - 1
-            j = min(max(np.int64(math.floor(y + s * dy)), up), down - 1)
-            rise = (i & (1 << level)) == 0 if dx > 0.0 else (i & (1 << level)) != 0
+            across = right if dx > 0.0 else left - 1
+            along = min(max(np.int64(math.floor(y + s * dy)) - (j - cj), up), down - 1)
+            climbs = (across & size) == 0 if dx > 0.0 else (across & size) != 0
+            i, j, ci, cj = i + across - ci, j + along - cj, across, along
         else:
-            j = down if dy > 0.0 else up - 1
-            i = min(max(np.int64(math.floor(x + s * dx)), left), right - 1)
-            rise = (j & (1 << level)) == 0 if dy > 0.0 else (j & (1 << level)) != 0
-        if plan[3] == 0 and (i < 0 or j < 0 or i >= columns or j >= rows):
-            return np.inf
-        if rise and level < top:
+            across = down if dy > 0.0 else up - 1
+            along = min(max(np.int64(math.floor(x + s * dx)) - (i - ci), left), right - 1)
+            climbs = (across & size) == 0 if dy > 0.0 else (across & size) != 0
+            i, j, ci, cj = i + along - ci, j + across - cj, along, across
+        if ci < 0 or cj < 0 or ci >= columns or cj >= rows:
+            if not wraps:
+                return np.inf
+            ci = ci + columns if ci < 0 else (ci - columns if ci >= columns else ci)
+            cj = cj + rows if cj < 0 else (cj - rows if cj >= rows else cj)
+        if climbs and level < top:
             level += 1
 
 
