@@ -37,7 +37,7 @@ NUDGE = np.float32(1e-5)
 #: way from the eye, in cells, that still belongs to the eye where it touches the surface
 EYE_CELLS = 1e-5
 #: level of the pyramid on which rays set out
-FIRST_LEVEL = 3
+FIRST_LEVEL = 2
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
@@ -95,6 +95,7 @@ def set_out(turn, start, x0, y0, t, low, scale, bottom, top, columns, rows, size
         buf[S + k] = ZERO
         buf[SIDE + k] = ZERO
         buf[SIZE + k] = size
+        buf[COLUMN + k], buf[ROW + k] = ZERO, ZERO
     return np.float32(first_i), np.float32(first_j)
 
 
@@ -122,15 +123,12 @@ def march(nodes, top, top_size, trusted, stride, last_i, last_j, first_i, first_
         node = nodes[np.uint32(first + row + np.uint32(np.int32(bi))) & np.uint32(0x7FFFFFFF)]
         buf[LEAST + k] = np.float32(np.int32(node & np.uint32(0xFFFF)))
         buf[GREATEST + k] = np.float32(np.int32(node >> np.uint32(16)))
+        buf[C0 + k], buf[C1 + k] = bi, bj
     marching = ZERO
     for k in range(LANES):
         s, size, du, dv = buf[S + k], buf[SIZE + k], buf[BU + k], buf[BV + k]
-        u, v = buf[AU + k] + s * du, buf[AV + k] + s * dv
         right, down = ONE if du >= ZERO else ZERO, ONE if dv >= ZERO else ZERO
-        i = np.floor(u + buf[NU + k]) + first_i
-        j = np.floor(v + buf[NV + k]) + first_j
-        part = inverse_power(size)
-        bi, bj = np.floor(min(max(i, ZERO), last_i) * part), np.floor(min(max(j, ZERO), last_j) * part)
+        bi, bj = buf[C0 + k], buf[C1 + k]
         to_u = ((bi + right) * size - first_i - buf[AU + k]) * buf[RU + k]
         to_v = ((bj + down) * size - first_j - buf[AV + k]) * buf[RV + k]
         to_u = to_u if abs(du) > np.float32(1e-12) else np.float32(2.0)
@@ -162,7 +160,7 @@ def march(nodes, top, top_size, trusted, stride, last_i, last_j, first_i, first_
 
 
 @fused
-def meet_cells(heights, pitch, low, scale, front, last_i, last_j, first_i, first_j, eye, buf):
+def meet_cells(pairs, pitch, low, scale, front, last_i, last_j, first_i, first_j, eye, buf):
     # meet the patch before which each waiting lane stands; eye: least s that counts -> how many lanes march on
     for k in range(LANES):
         s, du, dv = buf[S + k], buf[BU + k], buf[BV + k]
@@ -172,8 +170,9 @@ def meet_cells(heights, pitch, low, scale, front, last_i, last_j, first_i, first
         i, j = min(max(i, ZERO), last_i), min(max(j, ZERO), last_j)
         row = np.uint32(np.uint32(np.int32(j)) * pitch)
         index = np.uint32(row + np.uint32(np.int32(i))) & np.uint32(0x3FFFFFFF)
-        buf[C0 + k], buf[C1 + k] = heights[index], heights[index + np.uint32(1)]
-        buf[C2 + k], buf[C3 + k] = heights[index + pitch], heights[index + pitch + np.uint32(1)]
+        up, below = pairs[index], pairs[np.uint32(index + pitch) & np.uint32(0x3FFFFFFF)]
+        buf[C0 + k], buf[C1 + k] = np.int32(up).view(np.float32), np.int32(up >> np.int64(32)).view(np.float32)
+        buf[C2 + k], buf[C3 + k] = np.int32(below).view(np.float32), np.int32(below >> np.int64(32)).view(np.float32)
     going = ZERO
     for k in range(LANES):
         s, du, dv, dd = buf[S + k], buf[BU + k], buf[BV + k], buf[BD + k]
@@ -226,29 +225,47 @@ def meet_cells(heights, pitch, low, scale, front, last_i, last_j, first_i, first
     return going
 
 
+@fused
+def take_corners(pairs, pitch, buf):
+    # corners of the cells in which lanes were hit -> C0 .. C3
+    for k in range(LANES):
+        row = np.uint32(np.uint32(np.int32(buf[ROW + k])) * pitch)
+        index = np.uint32(row + np.uint32(np.int32(buf[COLUMN + k]))) & np.uint32(0x3FFFFFFF)
+        up, below = pairs[index], pairs[np.uint32(index + pitch) & np.uint32(0x3FFFFFFF)]
+        buf[C0 + k], buf[C1 + k] = np.int32(up).view(np.float32), np.int32(up >> np.int64(32)).view(np.float32)
+        buf[C2 + k], buf[C3 + k] = np.int32(below).view(np.float32), np.int32(below >> np.int64(32)).view(np.float32)
+
+
 @ordered
-def settle(near, i, j, a, b, c, e, start, turn, px, py):
-    # camera depth, in float64, of the root nearest to `near` of a ray and the patch of cell (i, j)
-    du = turn[0] * px + turn[1] * py + turn[2]
-    dv = turn[3] * px + turn[4] * py + turn[5]
-    dd = turn[6] * px + turn[7] * py + turn[8]
-    u, v, d = start[0] - i + near * du, start[1] - j + near * dv, start[2] - a + near * dd
-    along_u, along_v, twist = b - a, c - a, a - b - c + e
-    A = -twist * du * dv
-    B = dd - (along_u * du + along_v * dv + twist * (u * dv + v * du))
-    C = d - (along_u * u + along_v * v + twist * u * v)
-    square = B * B - 4.0 * A * C
-    if not square >= 0.0:
-        return near
-    w = -0.5 * (B + math.copysign(math.sqrt(square), B))
-    one = C / w
-    return near + one if abs(one) * max(abs(du), abs(dv)) < 1.0 or du == dv == 0.0 else near
+def settle(start, turn, gx, gy, buf, out):
+    # camera depth, in float64, of the root nearest to that found of every ray and the patch of its cell -> out (LANES,)
+    for k in range(LANES):
+        px, py = gx + float(k & (ACROSS - 1)) + 0.5, gy + float(k // ACROSS) + 0.5
+        near = float(buf[NEAR + k]) + float(buf[REST + k]) + float(buf[S + k]) * float(buf[LENGTH + k])
+        a, b, c, e = float(buf[C0 + k]), float(buf[C1 + k]), float(buf[C2 + k]), float(buf[C3 + k])
+        du = turn[0] * px + turn[1] * py + turn[2]
+        dv = turn[3] * px + turn[4] * py + turn[5]
+        dd = turn[6] * px + turn[7] * py + turn[8]
+        u, v = start[0] - float(buf[COLUMN + k]) + near * du, start[1] - float(buf[ROW + k]) + near * dv
+        d = start[2] - a + near * dd
+        along_u, along_v, twist = b - a, c - a, a - b - c + e
+        A = -twist * du * dv
+        B = dd - (along_u * du + along_v * dv + twist * (u * dv + v * du))
+        C = d - (along_u * u + along_v * v + twist * u * v)
+        square = B * B - 4.0 * A * C
+        root = math.sqrt(max(square, 0.0))
+        w = -0.5 * (B + (root if B >= 0.0 else -root))
+        one = C / w
+        close = abs(one) * max(abs(du), abs(dv)) < 1.0
+        flat = (abs(du) + abs(dv)) == 0.0
+        good = (square >= 0.0) & (close | flat)
+        out[k] = near + one if good else near
 
 
 @kernel
-def search_exact(heights, nodes, plan, grid, start, turn, front, whole, window, out, places):
-    # heights (H * stride,) f32, NaN = hole; the others: see relief_linear.search_linear; front: 1 = only hits where d
-    # grows count, 0 = all; whole: no cell is a hole
+def search_exact(pairs, nodes, plan, grid, start, turn, front, whole, window, out, places):
+    # pairs (H * stride - 1,) i64: texel and its right neighbour, overlapping; the others: see
+    # relief_linear.search_linear; front: 1 = only hits where d grows count, 0 = all; whole: no cell is a hole
     across = (window[1] - window[0] + WIDTH - 1) // WIDTH
     down = (window[3] - window[2] + HEIGHT - 1) // HEIGHT
     columns, rows = float(plan[1]), float(plan[0])
@@ -260,6 +277,7 @@ def search_exact(heights, nodes, plan, grid, start, turn, front, whole, window, 
     for tile in prange(across * down):
         buf = np.empty(SLOTS * PITCH, np.float32)
         ways = np.empty(12)
+        depths = np.empty(LANES)
         x0 = float(window[0] + (np.int64(tile) % across) * WIDTH)
         y0 = float(window[2] + (np.int64(tile) // across) * HEIGHT)
         corner_ways(turn, x0, y0, x0 + WIDTH, y0 + HEIGHT, ways)
@@ -278,17 +296,13 @@ def search_exact(heights, nodes, plan, grid, start, turn, front, whole, window, 
             while going > ZERO:
                 while going > ZERO:
                     going = march(nodes, top, top_size, trusted, stride, last_i, last_j, first_i, first_j, buf)
-                going = meet_cells(heights, pitch, low, scale, only, last_i, last_j, first_i, first_j, eye, buf)
+                going = meet_cells(pairs, pitch, low, scale, only, last_i, last_j, first_i, first_j, eye, buf)
+            take_corners(pairs, pitch, buf)
+            settle(start, turn, gx, gy, buf, depths)
             for k in range(LANES):
                 x, y = np.int64(gx) + (k & (ACROSS - 1)), np.int64(gy) + k // ACROSS
                 if buf[STATE + k] == HIT and x < window[1] and y < window[3]:
-                    near = float(buf[NEAR + k]) + float(buf[REST + k]) + float(buf[S + k]) * float(buf[LENGTH + k])
-                    index = np.int64(buf[ROW + k]) * np.int64(pitch) + np.int64(buf[COLUMN + k])
-                    depth = settle(
-                        near, float(buf[COLUMN + k]), float(buf[ROW + k]), float(heights[index]),
-                        float(heights[index + 1]), float(heights[index + pitch]), float(heights[index + pitch + 1]),
-                        start, turn, x + 0.5, y + 0.5,
-                    )  # fmt: skip
+                    depth = depths[k]
                     if eye_depth < depth < out[y, x]:
                         out[y, x] = depth
                         if places.shape[0] > 0:

@@ -62,7 +62,7 @@ class Field:
             padded = self.grid.copy()
             padded[2], padded[3] = self.grid[0], self.grid[0] + STEPS / self.grid[1]
             relief_exact.search_exact(
-                self.height.ravel(),
+                pairs(self.height),
                 self.nodes,
                 self.plan,
                 padded,
