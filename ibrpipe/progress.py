@@ -28,15 +28,18 @@ def listening(listener: Listener) -> Iterator[None]:
         _LISTENER.reset(token)
 
 
+def listener() -> Listener:
+    """Return whoever listens; nobody may, and then a call of it does nothing."""
+    return _LISTENER.get() or (lambda label, done, total: None)
+
+
 def track(items: Iterable[T], label: str, total: int | None = None) -> Iterator[T]:
     """Yield `items` one by one and report how many are done."""
     if total is None:
         items = list(items)
         total = len(items)
-    listener = _LISTENER.get()
-    if listener is not None:
-        listener(label, 0, total)
+    told = listener()
+    told(label, 0, total)
     for index, item in enumerate(items):
         yield item
-        if listener is not None:
-            listener(label, index + 1, total)
+        told(label, index + 1, total)

@@ -63,9 +63,11 @@ def bytes_below(folder: Path) -> int:
 
 
 def _capture(path: Path) -> Facts:
-    from ibrpipe.io.captures import read_capture
+    from ibrpipe.io.captures import has_cameras, read_capture
     from ibrpipe.io.meshes import read_mesh
 
+    if not has_cameras(path) and (path / "images").is_dir():
+        return _photos(path)
     capture = read_capture(path)
     facts: Facts = {"kind": "capture", "path": str(path)}
     facts |= {"photos": len(capture.train), "held_out": len(capture.test), "sizes": _sizes(capture.train)}
@@ -77,6 +79,23 @@ def _capture(path: Path) -> Facts:
         mesh = read_mesh(capture.mesh)
         facts["mesh"] = {"file": capture.mesh.name, "vertices": len(mesh.vertices), "faces": len(mesh.faces)}
     return facts | {"notes": list(capture.notes)}
+
+
+def _photos(path: Path) -> Facts:
+    """Return the facts about a capture folder without cameras."""
+    from ibrpipe.io.exif import read_exif
+    from ibrpipe.io.image_files import read_header
+    from ibrpipe.stages.calibration.photos import photos_of
+
+    photos = photos_of(path)
+    headers = [read_header(Path(photo.image)) for photo in photos]
+    focals = [read_exif(Path(photo.image)).focal for photo in photos]
+    facts: Facts = {"kind": "capture", "path": str(path), "photos": sum(not photo.held_out for photo in photos)}
+    facts |= {"held_out": sum(photo.held_out for photo in photos)}
+    facts |= {"sizes": sorted({f"{header.width} x {header.height}" for header in headers})}
+    facts |= {"masks": sum(photo.mask is not None or photo.mask_from_alpha for photo in photos)}
+    facts |= {"focal_lengths_stated": sum(focal is not None for focal in focals)}
+    return facts | {"notes": ["no cameras: `ibrpipe run photos` finds them from the photos"]}
 
 
 def _views(path: Path) -> Facts:

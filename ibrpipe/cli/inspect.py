@@ -15,11 +15,21 @@ from ibrpipe.cli.options import PATH, example, json_option
 from ibrpipe.cli.show import duration, size
 
 
-@click.command(name="inspect", epilog=example("ibrpipe inspect captures/glossy", "ibrpipe inspect out/asset --json"))
+@click.command(
+    name="inspect",
+    epilog=example(
+        "ibrpipe inspect captures/glossy", "ibrpipe inspect out/asset --json", "ibrpipe inspect out --against sparse/0"
+    ),
+)
 @click.argument("path", type=PATH)
-def command(path: Path, as_json: bool) -> None:
-    """Say what the capture folder, run folder, asset folder or views.json at PATH holds."""
-    facts = describe(path)
+@click.option("--against", type=PATH, metavar="TRUTH", help="Compare the cameras with those of this folder.")
+def command(path: Path, against: Path | None, as_json: bool) -> None:
+    """Say what the capture folder, run folder, asset folder or views.json at PATH holds.
+
+    With --against, PATH and TRUTH are COLMAP models, or capture, run or calibrate folders. The cameras of PATH are
+    aligned to those of TRUTH by a similarity, and what is left is told: distances in its unit, rotations in degrees.
+    """
+    facts = describe(path) if against is None else _compared(path, against)
     if as_json:
         click.echo(json.dumps(facts, indent=2, ensure_ascii=False))
     else:
@@ -27,6 +37,12 @@ def command(path: Path, as_json: bool) -> None:
 
 
 command.params.append(json_option)
+
+
+def _compared(path: Path, truth: Path) -> Facts:
+    from ibrpipe.stages.calibration.compare import compare_cameras
+
+    return {"kind": "cameras", "path": str(path), "truth": str(truth), **compare_cameras(path, truth)}
 
 
 def _tables(facts: Facts) -> list[Table]:

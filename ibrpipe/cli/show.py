@@ -100,12 +100,13 @@ def display() -> Iterator[Display]:
 
 
 def told(event: Event) -> str:
-    """Return the line for what happens to a stage."""
+    """Return what happens to a stage in words: one line, and below it what the stage itself has to tell."""
     if event.kind == "starts":
         return f"{event.stage}: starts ({event.text})"
     if event.kind == "skipped":
         return f"{event.stage}: up to date"
-    return f"{event.stage}: done in {cost(event.manifest)}" if event.manifest else event.stage
+    lines = [f"{event.stage}: done in {cost(event.manifest)}" if event.manifest else event.stage]
+    return "\n".join([*lines, *(f"  {line}" for line in event.text.splitlines())])
 
 
 def cost(manifest: Manifest) -> str:

@@ -125,6 +125,11 @@ def has_cameras(root: Path) -> bool:
     return find_model(root) is not None or (root / "transforms.json").is_file()
 
 
+def read_shots(root: Path) -> tuple[Shot, ...]:
+    """Read the cameras that a capture folder, or its ``test/``, states; raises as `read_capture`."""
+    return _shots(root, find_model(root))[0]
+
+
 def _models(root: Path, cameras: Path | None) -> tuple[Path | None, Path | None]:
     """COLMAP models of the photos and of ``test/``: those of `cameras` where it has them, else the capture's own."""
     own = find_model(root), find_model(root / "test")

@@ -28,11 +28,12 @@ _POINT_BYTES = 24
 
 def find_model(capture: Path) -> Path | None:
     """Folder of the COLMAP model inside a capture folder, or None."""
-    for name in FOLDERS:
-        folder = capture / name
-        if any((folder / f"{stem}{suffix}").is_file() for stem in ("images", "cameras") for suffix in (".bin", ".txt")):
-            return folder
-    return None
+    return next((capture / name for name in FOLDERS if is_model(capture / name)), None)
+
+
+def is_model(folder: Path) -> bool:
+    """Say whether a folder looks like a COLMAP model."""
+    return any((folder / f"{stem}{suffix}").is_file() for stem in ("images", "cameras") for suffix in (".bin", ".txt"))
 
 
 def read_model(folder: Path, images: Path) -> tuple[Shot, ...]:

@@ -155,6 +155,28 @@ def photo_positions(lens: Lens, camera: Camera) -> tuple[Array, Array]:
     return found[:, 0].reshape(shape), found[:, 1].reshape(shape)
 
 
+def directions_of(lens: Lens, pixels: Array) -> Array:
+    """Where what photo pixels show lies on the plane z = 1 before the camera.
+
+    Parameters
+    ----------
+    lens : Lens
+    pixels : (N, 2) float64
+        Pixel (0, 0)'s centre is at (0.5, 0.5).
+
+    Returns
+    -------
+    (N, 2) float64
+        NaN where the lens shows nothing.
+    """
+    return np.asarray(_camera(lens).cam_from_img(np.ascontiguousarray(pixels, np.float64)), np.float64)
+
+
+def project(lens: Lens, places: Array) -> Array:
+    """Where a lens shows places (N, 3) of the camera's own axes, (N, 2) float64 pixels; NaN behind the camera."""
+    return np.asarray(_camera(lens).img_from_cam(np.ascontiguousarray(places, np.float64)), np.float64)
+
+
 def _returns(lens: Lens, rays: Array, found: Array, inside: Array) -> Array:
     """Say which photo positions lead back to their ray: polynomials fold far rays over into the picture."""
     back = np.full((len(rays), 2), np.nan)

@@ -19,6 +19,7 @@ from ibrpipe.io.meshes import read_mesh, write_mesh
 from ibrpipe.io.points import points_of_views, write_points
 from ibrpipe.io.views import View, ViewSet, write_views
 from ibrpipe.stages.audit import audit_capture, stop_on_errors, write_audit
+from ibrpipe.stages.calibration.outcome import read_world
 from ibrpipe.stages.findings import Limits
 from ibrpipe.stages.stage import Stage
 from ibrpipe.types import Mesh
@@ -98,6 +99,7 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
         inputs.calibration,
     )
     capture = _shrunk(read_capture(inputs.capture, options), config.max_pixels)
+    capture = _without_foreign_mesh(capture, inputs.calibration)
     mesh = _mesh(capture)
     audit = audit_capture(capture, mesh, _limits(config))
     stop_on_errors(audit)
@@ -111,6 +113,14 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
     write_views(_view_set(capture, surface), views)
     findings, text = write_audit(audit, capture, inputs.out)
     return Outputs(views, surface, findings, text)
+
+
+def _without_foreign_mesh(capture: Capture, calibration: Path | None) -> Capture:
+    """Leave a mesh out that lies in another world than the cameras which the calibrate stage has found."""
+    if capture.mesh is None or calibration is None or read_world(calibration) != "own":
+        return capture
+    note = f"{capture.mesh.name} is left out: the cameras were found from the photos alone, in a world of their own"
+    return replace(capture, mesh=None, notes=(*capture.notes, note))
 
 
 def _mesh(capture: Capture) -> Mesh | None:

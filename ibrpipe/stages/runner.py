@@ -37,7 +37,7 @@ class Event:
     ----------
     stage : str
     kind : str
-        "starts" (`text` says why), "done" (`manifest` says the cost) or "skipped".
+        "starts" (`text` says why), "done" (`manifest` says the cost, `text` what came of it) or "skipped".
     """
 
     stage: str
@@ -105,8 +105,14 @@ def run_job(job: Job, hasher: Hasher, force: bool = False, report: Report = _sil
             peak_memory_bytes=cost.peak_memory_bytes,
         )
         write_manifest(folder, manifest)
-    report(Event(job.stage.name, "done", manifest=manifest))
+    report(Event(job.stage.name, "done", _summary(job.target), manifest))
     return manifest
+
+
+def _summary(folder: Path) -> str:
+    """Return what a stage has left to be told in its ``summary.txt``, if any."""
+    path = folder / "summary.txt"
+    return path.read_text(encoding="utf-8").strip() if path.is_file() else ""
 
 
 def _identity(job: Job, hasher: Hasher) -> dict[str, Any]:

@@ -48,6 +48,15 @@ class SynthConfig(StageConfig):
     jitter_deg: float = Field(default=1.0, ge=0, le=20, description="Random displacement of the cameras in degrees")
     noise: float = Field(default=0.0, ge=0, le=64, description="Noise of the photos (not of the tests) in 8-bit steps")
     seed: int = Field(default=0, ge=0, description="Seed of the camera displacement and of the noise")
+    cameras: bool = Field(
+        default=True, description="State the cameras; without, they go to truth/ and there are no test views"
+    )
+    mesh: bool = Field(default=True, description="Give the mesh; without, it goes to truth/")
+
+    @property
+    def measured(self) -> int:
+        """Number of test views: a view with truth needs cameras in the truth's world."""
+        return self.tests if self.cameras else 0
 
 
 #: enough for a test of the whole pipeline: made in about a second
@@ -105,15 +114,19 @@ def plan_views(staged: StagedScene, config: SynthConfig) -> tuple[list[Camera], 
     directions = photo_directions(rig, config.photos) + test_directions(rig, config.tests)
     directions = jittered(directions, config.jitter_deg, random)
     cameras = cameras_around(mesh, rig, directions, config.width, config.height)
-    return cameras[: config.photos], cameras[config.photos :]
+    return cameras[: config.photos], cameras[config.photos :][: config.measured]
 
 
 def _fill(folder: Path, scene: Scene, config: SynthConfig) -> None:
     """Write everything below `folder`."""
     staged = prepare_scene(scene, config.occlusion_rays)
-    write_mesh(staged.caster.mesh, folder / "mesh.ply")
+    truth = folder / "truth"
+    if not (config.cameras and config.mesh):
+        truth.mkdir()
+    write_mesh(staged.caster.mesh, (folder if config.mesh else truth) / "mesh.ply")
     photos, tests = plan_views(staged, config)
-    _write_half(folder, photos, "mesh.ply")
+    _write_cameras(folder if config.cameras else truth, photos, "mesh.ply" if config.mesh else None)
+    _make_folders(folder)
     for name, photo in _developed(photos, lambda camera: take_photo(staged, camera, config.rays), "photos"):
         random = np.random.default_rng([config.seed, 2, int(name[:-4])])
         _write_photo(folder, name, _noisy(photo.color, config.noise, random), photo.coverage)
@@ -123,11 +136,15 @@ def _fill(folder: Path, scene: Scene, config: SynthConfig) -> None:
     (folder / "scene.json").write_text(text + "\n", encoding="utf-8")
 
 
-def _write_half(folder: Path, cameras: Sequence[Camera], mesh: str | None) -> None:
-    """Write the cameras of the photos or of the tests and make the folders of their images."""
-    names = [_name(index) for index in range(len(cameras))]
+def _make_folders(folder: Path) -> None:
+    """Make the folders of the photos or of the tests."""
     for name in ("images", "masks"):
         (folder / name).mkdir(parents=True)
+
+
+def _write_cameras(folder: Path, cameras: Sequence[Camera], mesh: str | None) -> None:
+    """Write the cameras of the photos or of the tests."""
+    names = [_name(index) for index in range(len(cameras))]
     write_colmap_text(folder / "sparse" / "0", names, cameras)
     write_transforms(folder / "transforms.json", names, cameras, mesh)
 
@@ -148,7 +165,8 @@ def _write_photo(folder: Path, name: str, color: Array, coverage: Array) -> None
 
 def _write_tests(folder: Path, staged: StagedScene, cameras: list[Camera], config: SynthConfig) -> None:
     """Write the held-out views with their truth."""
-    _write_half(folder, cameras, None)
+    _make_folders(folder)
+    _write_cameras(folder, cameras, None)
     for name in ("depth", "normals", "diffuse"):
         (folder / name).mkdir()
 
@@ -201,7 +219,7 @@ def _described(scene: Scene, staged: StagedScene, config: SynthConfig) -> dict[s
             "masks": "8-bit coverage, 255 = object; the images' filter",
         },
         "truth": {
-            "mesh": "mesh.ply: the very triangles that were photographed, float32",
+            "mesh": f"{'' if config.mesh else 'truth/'}mesh.ply: the very triangles that were photographed, float32",
             "depth": "test/depth/NNN.exr: float32 depth along the camera's z at the pixel centre; 0 = nothing there",
             "normals": "test/normals/NNN.exr: float32 shading normal, world axes, pixel centre; 0 = nothing there",
             "diffuse": "test/diffuse/NNN.png: the test view without the coat's reflections, 8-bit sRGB",

@@ -182,3 +182,11 @@ def test_an_empty_folder_may_be_filled_and_names_need_not_be_ascii(tmp_path: Pat
     folder.mkdir()
     write_capture("ball", folder, SMALL)
     assert len(read_capture(folder).train) == 4
+
+
+def test_what_is_withheld_goes_to_truth(tiny_ball, tmp_path):
+    bare = write_capture("ball", tmp_path / "bare", TINY.model_copy(update={"cameras": False, "mesh": False}))
+    assert sorted(path.name for path in bare.iterdir()) == ["images", "masks", "scene.json", "truth"]
+    assert sorted(path.name for path in (bare / "truth").iterdir()) == ["mesh.ply", "sparse", "transforms.json"]
+    for name in ("images/003.png", "truth/sparse/0/images.txt", "truth/mesh.ply"):
+        assert (bare / name).read_bytes() == (tiny_ball / name.removeprefix("truth/")).read_bytes()
