@@ -135,6 +135,7 @@ SETTINGS: tuple[Setting, ...] = (
     ),
     Setting("prewarp", "prewarp", {"method": "two-pass"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
     Setting("prewarp", "prewarp pipelined", {"method": "pipelined"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
+    Setting("prewarp", "prewarp area", {"filter": "area"}, SAMPLED, TOUCHED | STEEP, first_layer=True, quick=False),
     Setting("prewarp", "prewarp 8-bit", {"depth_bits": 8}, SAMPLED, TOUCHED | STEEP, first_layer=True, quick=False),
 )
 

@@ -13,19 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.core import prewarp_view
+from ibrpipe.core import prewarp_area, prewarp_view
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers import ldi
 from ibrpipe.renderers.ldi import limited_threads
 from ibrpipe.renderers.prewarp_box import Box, draw_box, find_box
 from ibrpipe.renderers.prewarp_faces import Face, Sight, plane_face, sight, wall_face, wide_plane, wide_wall
-from ibrpipe.renderers.prewarp_passes import Settings, warp_face
+from ibrpipe.renderers.prewarp_passes import Settings, warp_face, warp_face_by_area
 from ibrpipe.renderers.prewarp_source import Relief, build_relief
 from ibrpipe.types import Array, Camera, Frame
 
 METHODS = ("two-pass", "pipelined")
 FALLBACKS = ("auto", "never", "always")
 QUADS = ("auto", "each")
+FILTERS = ("point", "area")
 
 _NO_DEPTH, _NO_OWNER = np.empty((0, 0), np.float32), np.empty((0, 0), np.uint8)
 
@@ -122,6 +123,7 @@ def draw(
     max_step: float | None = None,
     fallback: str = "auto",
     quads: str = "auto",
+    filter: str = "point",
     threads: int = 0,
 ) -> Frame:
     """Render one frame; see `ibrpipe.render` and, for the options, ``docs/renderers/prewarp.md``."""
@@ -137,7 +139,9 @@ def draw(
         raise RendererError(f"fallback is {fallback!r}; choose among: {', '.join(FALLBACKS)}")
     if quads not in QUADS:
         raise RendererError(f"quads is {quads!r}; choose among: {', '.join(QUADS)}")
-    settings = Settings(method, depth_bits)
+    if filter not in FILTERS:
+        raise RendererError(f"filter is {filter!r}; choose among: {', '.join(FILTERS)}")
+    settings = Settings(method, depth_bits, filter == "area")
     began = perf_counter()
     shaded = bool({"color", "alpha"} & set(outputs))
     canvas = Canvas.blank(camera.height, camera.width, shaded)
@@ -148,7 +152,7 @@ def draw(
             for relief in scene.reliefs
         ]
         shown = 0
-        if quads == "auto" and not any(near) and scene.box is not None:
+        if quads == "auto" and not settings.area and not any(near) and scene.box is not None:
             shown = _draw_object(tuple(chosen), camera, settings, canvas)
         for relief, each, exact in zip(scene.reliefs, chosen, near, strict=True):
             if exact:
@@ -172,6 +176,11 @@ def draw(
 
 def _draw_relief(relief: Relief, camera: Camera, settings: Settings, canvas: Canvas) -> None:
     view = sight(relief.frame, camera)
+    if settings.area:
+        for face, swapped in visible_faces(relief, view):
+            turned, seen = (relief.swapped, view.swapped()) if swapped else (relief, view)
+            _draw_by_area(turned, seen, face, settings, canvas)
+        return
     before, drawn = canvas.before(), False
     for face, swapped in visible_faces(relief, view):
         turned, seen = (relief.swapped, view.swapped()) if swapped else (relief, view)
@@ -284,19 +293,37 @@ def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:
     return [(face, swapped) for face, swapped in found if face is not None]
 
 
-def _draw_face(relief: Relief, view: Sight, face: Face, settings: Settings, canvas: Canvas) -> bool:
-    picture = warp_face(relief, view, face, settings)
+def _draw_by_area(relief: Relief, view: Sight, face: Face, settings: Settings, canvas: Canvas) -> None:
+    picture = warp_face_by_area(relief, view, face, settings)
     if picture is None:
-        return False
-    shifts, left, top, columns = picture
+        return
+    canvas.fill()
+    canvas.faces += 1
+    values, left, top, columns = picture
+    homography, bounds = _on_picture(face, left, top, columns, len(values))
+    jump = relief.jump(face, view)
+    prewarp_area.view_area(values, homography, bounds, jump, canvas.depth, canvas.color, canvas.alpha)
+
+
+def _on_picture(face: Face, left: int, top: int, columns: int, rows: int) -> tuple[Array, Array]:
+    """The homography (4, 3) from frame to picture, and the bounds (6,) of what is in view; see core.prewarp_view."""
     homography = np.zeros((4, 3))
     homography[:3] = face.homography
     homography[0] -= left * face.homography[2]
     homography[1] -= top * face.homography[2]
     homography[3, 2] = face.far
-    bounds = np.array([*face.window, columns, len(shifts)])
+    bounds = np.array([*face.window, columns, rows])
     bounds[:2] -= left
     bounds[2:4] -= top
+    return homography, bounds
+
+
+def _draw_face(relief: Relief, view: Sight, face: Face, settings: Settings, canvas: Canvas) -> bool:
+    picture = warp_face(relief, view, face, settings)
+    if picture is None:
+        return False
+    shifts, left, top, columns = picture
+    homography, bounds = _on_picture(face, left, top, columns, len(shifts))
     jump = relief.jump(face, view)
     prewarp_view.view_depth(shifts.ravel(), shifts.shape[1], homography, bounds, jump, not canvas.drawn, canvas.depth)
     canvas.drawn = True

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.core import prewarp, prewarp_columns, prewarp_pipelined
+from ibrpipe.core import prewarp, prewarp_area, prewarp_columns, prewarp_pipelined
 from ibrpipe.core.prewarp import PAD
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.prewarp_faces import MOST, Face, Sight, source_range
@@ -37,10 +37,11 @@ def scratch(name: str, shape: tuple[int, ...]) -> Array:
 
 @dataclass(frozen=True)
 class Settings:
-    """How textures are warped: method "two-pass" or "pipelined", heights as 8 bits or 32."""
+    """How textures are warped: method "two-pass" or "pipelined", heights as 8 bits or 32, sampled or averaged."""
 
     method: str = "two-pass"
     depth_bits: int = 32
+    area: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,19 @@ def warp_face(
     RendererError
         The picture would be larger than the working memory of a line.
     """
+    laid = _lay_out(relief, view, face)
+    if laid is None:
+        return None
+    plan, (left, top, count, height) = laid
+    stride = -(-count // prewarp.LANES) * prewarp.LANES + 16
+    out = scratch("out", (height + 2 * PAD, stride))
+    warp = _pipelined if settings.method == "pipelined" else _two_pass
+    warp(relief, view, face, plan, settings, (left, top, count), out)
+    return out[PAD : PAD + height], left, top, count
+
+
+def _lay_out(relief: Relief, view: Sight, face: Face) -> tuple[Plan, tuple[int, int, int, int]] | None:
+    """Plan the warp, and (left, top, columns, rows) of its picture; None where nothing is in view."""
     x0, x1, y0, y1 = face.window
     left, top = int(np.floor(x0 - 0.5)), int(np.floor(y0 - 0.5))
     count, height = max(int(np.ceil(x1 + 0.5)) - left, 2), max(int(np.ceil(y1 + 0.5)) - top, 2)
@@ -96,11 +110,61 @@ def warp_face(
     plan = _wall_plan(relief, view, face) if face.wall else _plane_plan(relief, view, face)
     if plan.rows[1] <= plan.rows[0] or plan.texels[1] <= plan.texels[0]:
         return None
-    stride = -(-count // prewarp.LANES) * prewarp.LANES + 16
-    out = scratch("out", (height + 2 * PAD, stride))
-    warp = _pipelined if settings.method == "pipelined" else _two_pass
-    warp(relief, view, face, plan, settings, (left, top, count), out)
+    return plan, (left, top, count, height)
+
+
+def warp_face_by_area(
+    relief: Relief, view: Sight, face: Face, settings: Settings
+) -> tuple[Array, int, int, int] | None:
+    """As `warp_face`, with colours and averaged: (rows, columns, 4) float32 colour and shift, NaN = nothing."""
+    laid = _lay_out(relief, view, face)
+    if laid is None:
+        return None
+    plan, (left, top, count, height) = laid
+    rows, columns = relief.height.shape
+    places, axis = scratch("places", (3, rows, columns)), np.array([face.zoom, face.shift[0]])
+    window = np.array([plan.rows[0], plan.rows[1] + 1, *plan.texels])
+    field = _field(relief, face, plan, settings)
+    prewarp_pipelined.place_texels(*field, plan.eye, plan.shifts, plan.lines, window, axis, places)
+    breaks = relief.breaks if relief.broken else _NONE8
+    out = np.empty((height + 2 * PAD, count, 4), np.float32)
+    if settings.method == "pipelined":
+        ranges, feet = _stripes(view, face, plan, (left, count), relief.height.shape, prewarp_area.STRIPE)
+        window = np.array([*plan.rows, count, left, top, plan.order])
+        same = relief.jump(face, view)
+        prewarp_area.area_cells(places, relief.color, breaks, ranges, feet, window, same, out)
+        return out[PAD : PAD + height], left, top, count
+    both = np.empty((2, rows, columns), np.float32)
+    both[0] = places[0] - np.float32(left + 0.5)
+    both[1] = relief.height if face.wall else places[2]
+    if face.wall and settings.depth_bits == 8:
+        both[1] = relief.codes[1][relief.codes[0]]
+    values = np.empty((rows, count, 4), np.float32)
+    foot = face.zoom * view.eye[0] + face.shift[0] - left - 0.5
+    sides, foot = _halves(view.eye[0], plan.texels, foot, count) if not face.wall else (
+        np.array([[*plan.texels, 1, 1, 1], [*plan.texels, 1, 1, 0]]), count)  # fmt: skip
+    prewarp_area.area_rows(both, relief.color, breaks, sides, foot, window[:2], values)
+    lines = plan.lines.copy()
+    lines[0] -= np.float32(top + 0.5)
+    if face.wall:
+        start, end = plan.rows if plan.order > 0 else plan.rows[::-1]
+        side = [start, end, plan.order, -1 if plan.eye[1] > np.mean(relief.range) else 1]
+        sides, foot = np.array([[*side, 1], [*side, 0]]), height
+    else:
+        foot = face.zoom * view.eye[1] + face.shift[1] - top - 0.5
+        sides, foot = _halves(view.eye[1], plan.rows, foot, height)
+    prewarp_area.area_columns(values, lines, face.wall, plan.eye[1], relief.gap, sides, foot, out)
     return out[PAD : PAD + height], left, top, count
+
+
+def _halves(eye: float, texels: tuple[int, int], foot: float, count: int) -> tuple[Array, float]:
+    """The two sides of a line toward the eye's foot: (2, 5) first, last, step, way, used; and where they meet."""
+    first, last = texels
+    middle = prewarp.last_before(eye, last + 1)
+    to, off = min(middle + 1, last), max(middle, first)
+    sides = [[first, to, 1, 1, int(to > first and foot > -0.5)],
+             [last, off, -1, -1, int(off < last and foot < count - 0.5)]]  # fmt: skip
+    return np.array(sides), min(max(foot, -0.5), count - 0.5)
 
 
 def _field(relief: Relief, face: Face, plan: Plan, settings: Settings) -> tuple[Array, Array, Array]:
@@ -154,15 +218,25 @@ def _pipelined(
     prewarp_pipelined.place_texels(
         *_field(relief, face, plan, settings), plan.eye, plan.shifts, plan.lines, window, axis, places
     )
-    borders = [(x, x + prewarp_pipelined.STRIPE) for x in range(left, left + count, prewarp_pipelined.STRIPE)]
+    ranges, feet = _stripes(view, face, plan, (left, count), relief.height.shape, prewarp_pipelined.STRIPE)
+    breaks = relief.breaks if relief.broken else _NONE8
+    window = np.array([*plan.rows, count, left, top, plan.order])
+    prewarp_pipelined.pipeline(places, breaks, ranges, feet, window, out[PAD : len(out) - PAD])
+
+
+def _stripes(
+    view: Sight, face: Face, plan: Plan, place: tuple[int, int], shape: tuple[int, ...], width: int
+) -> tuple[Array, Array]:
+    """First and last texel that can reach each stripe of columns, and the last texel and row not beyond the foot."""
+    left, count = place
+    rows, columns = shape
+    borders = [(x, x + width) for x in range(left, left + count, width)]
     ranges = np.array(
         [source_range(view.eye[0], _texels(face, 0, border), plan.least, plan.most, columns) for border in borders]
     )
-    feet = np.array([prewarp.last_before(view.eye[0], columns), prewarp.last_before(view.eye[1], rows)])
-    breaks = relief.breaks if relief.broken else _NONE8
-    window = np.array([*plan.rows, count, left, top, plan.order])
     ranges = np.stack([np.maximum(ranges[:, 0], plan.texels[0]), np.minimum(ranges[:, 1], plan.texels[1])], axis=1)
-    prewarp_pipelined.pipeline(places, breaks, ranges, feet, window, out[PAD : len(out) - PAD])
+    feet = np.array([prewarp.last_before(view.eye[0], columns), prewarp.last_before(view.eye[1], rows)])
+    return ranges, feet
 
 
 def _texels(face: Face, axis: int, pixels: tuple[float, float]) -> tuple[float, float]:

@@ -123,7 +123,8 @@ class Relief:
     def swapped(self) -> Relief:
         """The same texture with rows and columns swapped."""
         frame = ParallelFrame(self.frame.origin, self.frame.b, self.frame.a, self.frame.f)
-        return replace(self, frame=frame, height=np.ascontiguousarray(self.height.T), made={})
+        height, color = np.ascontiguousarray(self.height.T), np.ascontiguousarray(self.color.transpose(1, 0, 2))
+        return replace(self, frame=frame, height=height, color=color, made={})
 
     def jump(self, face: Face, view: Sight) -> float:
         """Greatest difference of neighbouring shifts on one surface, over (1 + g)^2; see `prewarp_view`."""

@@ -80,6 +80,7 @@ _RENDERERS = (
             "level": "level of the pyramid; auto: by the projected area (default auto)",
             "max_step": "texels of height between neighbours above which they are parted; None: as the source says",
             "fallback": "auto, never, always: exact search where the eye is in or very near a relief (default auto)",
+            "filter": "point: taken at pixel centres; area: averaged over what a pixel covers (default point)",
             "quads": "auto: textures on the faces of one box are merged into at most three; each: each has its own",
             "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
         },

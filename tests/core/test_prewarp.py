@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernel_runs import on_all_thread_counts
-from prewarp_twin import warp_plane, warp_wall
+from prewarp_twin import mean_over_pixels, warp_cells, warp_plane, warp_wall
 
 import ibrpipe
+from ibrpipe.core import prewarp_area
 from ibrpipe.core import prewarp_equations as equations
 from ibrpipe.renderers.prewarp_faces import plane_face, sight, wall_face
 from ibrpipe.renderers.prewarp_passes import Settings, warp_face
@@ -153,3 +154,37 @@ def test_pipelined_equals_the_twin_of_two_passes_where_nothing_folds(eye):
     assert both.mean() > 0.7
     assert (np.isfinite(shifts) != np.isfinite(want)).mean() < 0.01
     assert np.abs(shifts - want)[both].max() < 1e-4
+
+
+@pytest.mark.parametrize("eye", [(11.3, 7.9, 40.0), (-20.0, 9.0, 30.0), (60.0, -30.0, 25.0)])
+@pytest.mark.parametrize("holes", [0.0, 0.1])
+def test_pipelined_fold_overs_equal_the_twin_that_compares_depths(eye, holes):
+    height = bumpy(17, 23, holes)
+    source = relief(height)
+    view = sight(source.frame, ibrpipe.Camera.look_at(eye, (11, 8, 0), (0, 1, 0), 150.0, 64, 64))
+    face = plane_face(view, 17, 23, 0.0)
+    shifts, left, top, columns = warp_face(source, view, face, Settings("pipelined"))
+    x, y = np.arange(columns) + left + 0.5, np.arange(len(shifts)) + top + 0.5
+    want = warp_cells(height.astype(float), eye, x, y)
+    x0, x1, y0, y1 = face.window
+    inside = np.ix_((y > y0) & (y < y1), (x > x0) & (x < x1))
+    agree(shifts[:, :columns][inside], want[inside], 0.02)
+
+
+@pytest.mark.parametrize("step", [0.1, 0.45, 1.7])
+def test_area_filter_takes_the_mean_over_pixels(step):
+    count, texels = 16, 150
+    places = (np.cumsum(RNG.uniform(0.2, 1.8, texels)) * step - 2.0).astype(np.float32)
+    values = RNG.random((texels, 4)).astype(np.float32)
+    line = np.stack([places, values[:, 3]])[:, None]
+    sides = np.array([[0, texels - 1, 1, 1, 1], [0, texels - 1, 1, 1, 0]])
+    out = np.empty((1, count, 4), np.float32)
+    none = np.empty((0, 0), np.uint8)
+    prewarp_area.area_rows(line, values[None, :, :3].copy(), none, sides, float(count), np.array([0, 1]), out)
+    for channel in range(4):
+        mean, share = mean_over_pixels(places.astype(float), values[:, channel].astype(float), count)
+        sure = np.abs(share - 0.5) > 0.01
+        np.testing.assert_array_equal(np.isnan(out[0, sure, channel]), share[sure] < 0.5)
+        good = share > 0.51
+        assert good.sum() > 8
+        np.testing.assert_allclose(out[0, good, channel], mean[good], atol=2e-3)

@@ -64,3 +64,37 @@ def warp_wall(height, eye, at, x, y):
         order = [(i, i + 1) for i in range(len(keep) - 2, -1, -1)]
         out[:, c] = paint_line(places, shifts, lambda s: s == s, y, order)
     return out
+
+
+def warp_cells(height, eye, x, y):
+    """Shifts of the plane d = 0 by every cell between four texels; of those on one ray the nearest, by its depth."""
+    e_u, e_v, h = eye
+    g = height / (h - height)
+    u, v = np.arange(height.shape[1]) + 0.5, np.arange(height.shape[0]) + 0.5
+    p, q = u + (u - e_u) * g, v[:, None] + (v[:, None] - e_v) * g
+    best = np.full((len(y), len(x)), np.nan)
+    for k, i in np.ndindex(height.shape[0] - 1, height.shape[1] - 1):
+        edges = [((k, i), (k, i + 1)), ((k + 1, i), (k + 1, i + 1)), ((k, i), (k + 1, i)), ((k, i + 1), (k + 1, i + 1))]
+        if np.isnan(g[k : k + 2, i : i + 2]).any():
+            continue
+        for n, at in enumerate(x):
+            met = []
+            for one, two in edges:
+                if (p[one] <= at) != (p[two] <= at):
+                    t = (at - p[one]) / (p[two] - p[one])
+                    met.append((q[one] + t * (q[two] - q[one]), g[one] + t * (g[two] - g[one])))
+            if len(met) < 2:
+                continue
+            (low, g_low), (high, g_high) = min(met), max(met)
+            inside = (y >= low) & (y < high)
+            shift = g_low + (y[inside] - low) / (high - low) * (g_high - g_low)
+            best[inside, n] = np.fmax(best[inside, n], shift)
+    return best
+
+
+def mean_over_pixels(places, values, count, steps=4000):
+    """Mean of a piecewise linear function of rising places over pixels 0 .. count - 1, and the share covered."""
+    x = (np.arange(count * steps) + 0.5) / steps - 0.5
+    found = np.interp(x, places, values, left=np.nan, right=np.nan).reshape(count, steps)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.nansum(found, axis=1) / np.isfinite(found).sum(axis=1), np.isfinite(found).mean(axis=1)

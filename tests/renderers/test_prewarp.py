@@ -63,6 +63,26 @@ def test_smooth_field_from_every_side(name, method, bits):
     assert folded or rmse < 1 / 255
 
 
+@pytest.mark.parametrize("method", ["two-pass", "pipelined"])
+def test_area_filter_averages_what_is_reduced(method):
+    rng = np.random.default_rng(3)
+    source = ibrpipe.ReliefTexture(smooth().frame, rng.random((N, N, 3)), smooth().height)
+    camera = ibrpipe.Camera.look_at((0.3, -0.6, 0.9), (0.5, 0.5, 0.08), (0.1, 1, 0.2), 48, 80, 60)
+    fine = ibrpipe.render(source, camera.resized(480, 360), "ldi")
+    truth = fine.color.reshape(60, 6, 80, 6, 3).mean(axis=(1, 3))
+    covered = fine.alpha.reshape(60, 6, 80, 6).mean(axis=(1, 3)) == 1
+    errors = {}
+    for name in ("point", "area"):
+        frame = ibrpipe.render(source, camera, "prewarp", method=method, filter=name, level=0)
+        assert (covered & (frame.alpha == 0)).mean() < 0.01
+        both = covered & (frame.alpha > 0)
+        errors[name] = np.sqrt(np.mean((frame.color - truth)[both] ** 2))
+    assert errors["area"] < 0.85 * errors["point"], errors  # the view after it still samples white noise
+    flips, error, _, _ = compare(smooth(), camera, method=method, filter="area", level=0)
+    assert flips < 0.01
+    assert np.quantile(error, 0.95) < 0.5 / N
+
+
 def blocks(n=128):
     """Posts of several heights on a plain."""
     rng = np.random.default_rng(2)
@@ -172,6 +192,7 @@ def test_steps_above_the_threshold_are_parted():
         ({"max_step": 0.0}, "max_step is 0.0"),
         ({"fallback": "maybe"}, "fallback is 'maybe'"),
         ({"quads": "four"}, "quads is 'four'"),
+        ({"filter": "blur"}, "filter is 'blur'"),
     ],
 )
 def test_options_out_of_range_are_named(options, text):
