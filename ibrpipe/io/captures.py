@@ -1,6 +1,7 @@
 """Capture folders: photos, cameras, masks, exposure and mesh, found and checked against each other.
 
-Layout: ``images/``, optional ``masks/``, ``sparse/0`` (COLMAP) or ``transforms.json`` (nerfstudio), optional
+Layout: ``images/``, optional ``masks/``, ``sparse/0`` (COLMAP), ``transforms.json`` (nerfstudio), ``cameras.xml``
+(Metashape) or ``bundle.out`` (Bundler), optional
 ``mesh.ply|obj|glb|stl``, optional ``exposure.csv``, optional ``test/`` laid out alike with ``depth/*.exr|npy``.
 Cameras may also come from elsewhere: from the folder that the calibrate stage has written.
 """
@@ -13,12 +14,14 @@ from pathlib import Path
 from typing import Literal
 
 from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError, ValueRangeError
+from ibrpipe.io.bundler import BUNDLER, read_bundler
 from ibrpipe.io.colmap import find_model, read_model
 from ibrpipe.io.exposure import gains_from_csv, gains_from_exif, read_exposure_csv
 from ibrpipe.io.image_files import ImageHeader, read_header
 from ibrpipe.io.lenses import Keep, undistorted_calibration
 from ibrpipe.io.masks import find_mask
 from ibrpipe.io.meshes import SUFFIXES
+from ibrpipe.io.metashape import METASHAPE, read_metashape
 from ibrpipe.io.shots import Shot
 from ibrpipe.io.transforms import read_transforms
 from ibrpipe.io.views import View
@@ -26,6 +29,8 @@ from ibrpipe.types import Camera
 
 Exposure = Literal["none", "exif", "csv", "auto"]
 Orientation = Literal["auto", "apply", "ignore"]
+#: Cameras beside COLMAP's, best first
+_CAMERA_FILES = ("transforms.json", METASHAPE, BUNDLER)
 
 
 @dataclass(frozen=True)
@@ -122,7 +127,7 @@ def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Cap
 
 def has_cameras(root: Path) -> bool:
     """Say whether a capture folder, or its ``test/``, states cameras."""
-    return find_model(root) is not None or (root / "transforms.json").is_file()
+    return find_model(root) is not None or any((root / name).is_file() for name in _CAMERA_FILES)
 
 
 def read_shots(root: Path) -> tuple[Shot, ...]:
@@ -146,8 +151,12 @@ def _shots(root: Path, model: Path | None) -> tuple[tuple[Shot, ...], Path | Non
         return read_model(model, root / "images"), ply
     if transforms.is_file():
         return read_transforms(transforms)
+    if (root / METASHAPE).is_file():
+        return read_metashape(root / METASHAPE, root / "images"), None
+    if (root / BUNDLER).is_file():
+        return read_bundler(root / BUNDLER, root / "images"), None
     raise CaptureError(
-        f"{root}: no cameras found; expected a COLMAP model in sparse/0 or a transforms.json "
+        f"{root}: no cameras found; expected a COLMAP model in sparse/0, transforms.json, {METASHAPE} or {BUNDLER} "
         "(`ibrpipe calibrate` finds them from the photos alone)"
     )
 
@@ -242,7 +251,7 @@ def _check_mask(mask: Path, shot: Shot, oriented: bool) -> None:
 
 def _depth(root: Path, file: str) -> Path | None:
     stem = Path(file).with_suffix("").as_posix()
-    for suffix in (".exr", ".npy"):
+    for suffix in (".exr", ".npy", ".png"):
         candidate = root / "depth" / f"{stem}{suffix}"
         if candidate.is_file():
             return candidate
@@ -287,7 +296,9 @@ def _split(views: tuple[View, ...], every: int, notes: list[str]) -> tuple[tuple
 
 
 def _mesh_files(root: Path) -> list[Path]:
-    return [root / f"mesh{suffix}" for suffix in SUFFIXES if (root / f"mesh{suffix}").is_file()]
+    """Meshes by the names that we, and a COLMAP dense workspace, have for them, best first."""
+    names = [f"mesh{suffix}" for suffix in SUFFIXES] + ["meshed-poisson.ply", "meshed-delaunay.ply"]
+    return [root / name for name in names if (root / name).is_file()]
 
 
 def _mesh(root: Path, ply: Path | None, notes: list[str]) -> Path | None:

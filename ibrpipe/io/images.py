@@ -74,7 +74,9 @@ def read_coverage(path: Path, oriented: bool = True) -> Array:
 
 
 def read_depth(path: Path) -> Array:
-    """Read a depth map (EXR or other float image, or .npy): (H, W) float32, scene units along camera z.
+    """Read a depth map (EXR or other float image, .npy, 16-bit PNG): (H, W) float32, scene units along camera z.
+
+    16-bit files are those of RGB-D cameras: millimetres, of a scene in metres.
 
     Zero, negative, NaN and infinite entries mean "nothing there" and come back as +inf.
     """
@@ -87,9 +89,14 @@ def read_depth(path: Path) -> Array:
             raise FormatError(f"{path}: not a NumPy array file ({error}); write it with numpy.save") from error
     else:
         pixels, header = read_stored(path)
-        if header.integer:
-            raise FormatError(f"{path}: depth is stored as integers; expected float EXR or .npy in scene units")
         depth = pixels[:, :, header.channels.index("Z") if "Z" in header.channels else 0]
+        if header.integer:
+            if depth.dtype != np.uint16:
+                raise FormatError(
+                    f"{path}: depth is stored as {depth.dtype} integers; expected float EXR or .npy in scene units, or "
+                    "16-bit PNG in millimetres"
+                )
+            depth = depth.astype(np.float32) / np.float32(1000.0)
     depth = np.squeeze(depth)
     if depth.ndim != 2 or not np.issubdtype(depth.dtype, np.floating):
         raise FormatError(f"{path}: depth must be a float array (H, W), got {depth.dtype} {depth.shape}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from ibrpipe.errors import MissingFileError
 from ibrpipe.io.lenses import Lens
 from ibrpipe.types import Array
 
@@ -29,3 +30,21 @@ class Shot:
     lens: Lens
     cam_from_world: Array
     mask: Path | None = None
+
+
+def photo_by_label(images: Path, label: str, source: Path) -> Path:
+    """Return the photo that another program calls `label`: by its path, its file name, or its name without suffix.
+
+    Raises
+    ------
+    MissingFileError
+        There is no such photo; the message names `source`.
+    """
+    name = Path(label.replace("\\", "/")).name
+    for candidate in (images / label, images / name):
+        if candidate.is_file() and candidate.is_relative_to(images):
+            return candidate
+    found = sorted(path for path in images.rglob("*") if path.stem == name and not path.name.endswith(".mask.png"))
+    if not found:
+        raise MissingFileError(f"{source}: names the photo {label}, which is not in {images}; put it there")
+    return found[0]

@@ -138,7 +138,7 @@ def _lens(keys: Mapping[str, Any], image: Path) -> Lens:
     elif model in ("OPENCV", "FULL_OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE"):
         if k4:
             raise CaptureError(f"camera model {model} with k4 = {k4:g} is not known; expected k1, k2, k3, p1, p2")
-        model, params = _perspective(focal_x, focal_y, cx, cy, (k1, k2, p1, p2, k3))
+        model, params = perspective_lens(focal_x, focal_y, cx, cy, (k1, k2, p1, p2, k3))
     else:
         raise CaptureError(
             f"camera model {model!r} is not known; expected OPENCV, OPENCV_FISHEYE, PINHOLE or SIMPLE_RADIAL"
@@ -146,7 +146,9 @@ def _lens(keys: Mapping[str, Any], image: Path) -> Lens:
     return Lens(model, params, width, height)
 
 
-def _perspective(fx: float, fy: float, cx: float, cy: float, bend: tuple[float, ...]) -> tuple[str, tuple[float, ...]]:
+def perspective_lens(
+    fx: float, fy: float, cx: float, cy: float, bend: tuple[float, ...]
+) -> tuple[str, tuple[float, ...]]:
     """COLMAP's plainest model for Brown's k1, k2, p1, p2, k3."""
     if not any(bend):
         return "PINHOLE", (fx, fy, cx, cy)

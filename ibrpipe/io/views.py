@@ -51,7 +51,7 @@ class View:
     full_size : (int, int) or None
         (width, height) of the undistorted picture before it is shrunk to the camera's size; None = not shrunk.
     depth : Path or None
-        True depth along camera z, for test views.
+        Known depth along camera z: the truth of test views, or what a depth camera has measured.
     held_out : bool
         For measuring only, never for making the asset.
     """
@@ -128,17 +128,22 @@ def load_view(view: View) -> tuple[Array, Array]:
 
 
 def load_depth(view: View) -> Array:
-    """Read a test view's true depth: (H, W) float32 along camera z in scene units, +inf where nothing is.
+    """Read a view's known depth: (H, W) float32 along camera z in scene units, +inf where nothing is.
+
+    Depth cameras have fewer pixels than photos: maps of another size but the photo's shape are taken by nearest pixel.
 
     Raises
     ------
     CaptureError
-        The view has no depth file, or it has another size than the photo.
+        The view has no depth file, or it has another shape than the photo.
     """
     if view.depth is None:
         raise CaptureError(f"view {view.name} has no true depth; ask only views whose depth is set")
     depth = read_depth(view.depth)
-    _check_size(view.depth, depth.shape, view.photo_size)
+    width, height = view.photo_size
+    if abs(depth.shape[1] * height - depth.shape[0] * width) > 0.01 * depth.shape[1] * height:
+        _check_size(view.depth, depth.shape, view.photo_size)
+    depth = _nearest(depth, width, height)
     if view.distortion is not None:
         x, y = photo_positions(view.distortion, view.full_camera)
         inside = x > -1e3

@@ -32,7 +32,9 @@ class View(_Document):
     full_size: tuple[int, int] | None = Field(
         description="Width and height of the undistorted picture before shrinking; null = not shrunk"
     )
-    depth: str | None = Field(description="True depth along camera z (test views), scene units; null = none")
+    depth: str | None = Field(
+        description="File of known depth along camera z: truth of test views, or of an RGB-D camera; null = none"
+    )
     held_out: bool = Field(description="For measuring only")
     width: int = Field(ge=1, description="Pixels")
     height: int = Field(ge=1, description="Pixels")

@@ -198,8 +198,8 @@ def test_bad_depth_files_are_told(tmp_path):
     (tmp_path / "e.npy").write_bytes(b"no")
     with pytest.raises(FormatError, match="not a NumPy array file"):
         read_depth(tmp_path / "e.npy")
-    store(tmp_path / "d.png", np.ones((2, 2), np.uint16))
-    with pytest.raises(FormatError, match="stored as integers"):
+    store(tmp_path / "d.png", np.ones((2, 2), np.uint8))
+    with pytest.raises(FormatError, match="stored as uint8 integers"):
         read_depth(tmp_path / "d.png")
 
 
