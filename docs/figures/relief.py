@@ -64,6 +64,24 @@ def write(name: str, rows: list[list[Array]]) -> None:
     write_png(IMAGES / name, np.concatenate([np.concatenate(row, axis=1) for row in rows], axis=0))
 
 
+def grain() -> list[list[Array]]:
+    """Fine stripes on waves, from a low eye: at pixel centres, averaged by area, truth (36 rays a pixel)."""
+    y, x = np.mgrid[:256, :256] / 256
+    height = 0.08 + 0.06 * np.sin(14 * x + 1) * np.cos(12 * y)
+    stripes = np.sign(np.sin(300 * x))[..., None] * np.sign(np.sin(200 * y))[..., None]
+    p = 1 / 256
+    frame = ibrpipe.ParallelFrame((0, 0, 0), (p, 0, 0), (0, p, 0), (0, 0, 1))
+    source = ReliefTexture(frame, 0.5 + 0.35 * stripes * np.array([1, 0.8, 0.6]), height)
+    view = Camera.look_at((0.3, -0.9, 0.75), (0.5, 0.42, 0.05), (0, 0, 1), 34.0, 260, 150)
+    shots = []
+    for options in ({}, {"filter": "area"}):
+        frame_seen = ibrpipe.render(source, view, "prewarp", level=0, **options)
+        shots.append(np.where(frame_seen.alpha[..., None] > 0, frame_seen.color, GROUND))
+    fine = ibrpipe.render(source, view.resized(6 * view.width, 6 * view.height), "ldi")
+    truth = np.where(fine.alpha[..., None] > 0, fine.color, GROUND)
+    return [[*shots, truth.reshape(view.height, 6, view.width, 6, 3).mean(axis=(1, 3))]]
+
+
 def main() -> None:
     """Make all pictures."""
     IMAGES.mkdir(exist_ok=True)
@@ -77,6 +95,7 @@ def main() -> None:
     view = Camera.look_at((1.3, -1.6, 2.3), (0, 0, 0), (0, 0, 1), 40.0, 260, 220)
     pairs = [picture(sheets, view, method="pipelined"), picture(sheets, view, "ldi")]
     write("prewarp-interpenetration.png", [pairs])
+    write("prewarp-area.png", grain())
     if len(sys.argv) > 1:
         box(Path(sys.argv[1]))
 

@@ -62,7 +62,7 @@ def images(
 ) -> None:
     """Lay the height map and colours of FOLDER (height.*, color.*) on a rectangle, heights along +z."""
     from ibrpipe.io.relief_images import read_color, read_height, read_relief_folder
-    from ibrpipe.stages.reliefs import relief_from_images
+    from ibrpipe.stages.reliefs import PARTED, relief_from_images, steep_share
 
     if folder is None and height is None:
         raise click.UsageError("give FOLDER or --height FILE")
@@ -72,7 +72,14 @@ def images(
     else:
         heights, colors = read_height(height or Path(), depth_range), None
     colors = read_color(color) if color is not None else colors
-    _write([relief_from_images(heights, colors, size)], ["front"], folder or height, out)
+    made = relief_from_images(heights, colors, size)
+    _write([made], ["front"], folder or height, out)
+    steep = steep_share(made)
+    if steep > 1e-3:
+        click.echo(
+            f"{100 * steep:.1f} % of neighbouring texels differ by over {PARTED:g} texels of height and will be parted "
+            "when the asset is rendered; lower --depth-range, or render it as ibrpipe.ReliefTexture in Python"
+        )
 
 
 @command.command(epilog=example("ibrpipe relief asset out/asset --out first_layers"))

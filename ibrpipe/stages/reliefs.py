@@ -35,6 +35,8 @@ SIDES = {
 }
 #: colour of a mesh that brings none
 CLAY = (0.62, 0.54, 0.46)
+#: texels of height between neighbours above which the renderers part the samples of an asset
+PARTED = 4.0
 #: neighbours in a depth image are one surface while the greater depth is below this multiple of the lesser
 SAME_SURFACE = 1.05
 
@@ -49,7 +51,7 @@ def relief_from_images(
     height : (H, W) float
         Scene units; NaN = transparent.
     color : (H, W, 3) float, linear, optional
-        Grey unless given.
+        Clay, shaded by a fixed light, unless given.
     size : (width, height)
         Size of the rectangle, scene units.
     """
@@ -59,7 +61,18 @@ def relief_from_images(
         raise ValueRangeError(f"the size is {width} x {tall}; both sides must be positive scene units")
     a, b, f = np.diag([width / columns, -tall / rows, 1.0])
     frame = ParallelFrame(np.array([-0.5 * width, 0.5 * tall, 0.0]), a, b, f)
-    return ReliefTexture(frame, np.full((rows, columns, 3), 0.5) if color is None else color, height)
+    if color is None:
+        bare = ReliefTexture(frame, np.zeros((rows, columns, 3)), height)
+        color = _clay(np.nan_to_num(_normals(bare)))
+    return ReliefTexture(frame, color, height)
+
+
+def steep_share(relief: ReliefTexture) -> float:
+    """Share of neighbouring texels whose heights differ by more than an asset joins (`PARTED` texels)."""
+    texel = max(np.linalg.norm(relief.frame.a), np.linalg.norm(relief.frame.b))
+    steps = [np.abs(np.diff(relief.height, axis=axis)).ravel() for axis in (0, 1)]
+    every = np.concatenate(steps)
+    return float((every > PARTED * texel).mean()) if every.size else 0.0
 
 
 def relief_from_layers(layers: LayeredDepthImage | SpiralTexture) -> ReliefTexture:
@@ -218,9 +231,10 @@ def _range_mesh(image: DepthImage) -> tuple[Array, Array, Array]:
 
 
 def _clay(normal: Array) -> Array:
-    """Shaded colour (N, 3) of unit normals (N, 3)."""
+    """Shaded colour (..., 3) of unit normals (..., 3)."""
     light = np.array([-0.4, 0.55, 0.73]) / np.linalg.norm([-0.4, 0.55, 0.73])
-    return (np.array(CLAY) * (0.3 + 0.7 * np.clip(0.5 + 0.5 * normal @ light, 0, 1) ** 1.5)[:, None]).astype(np.float32)
+    shade = 0.3 + 0.7 * np.clip(0.5 + 0.5 * normal @ light, 0, 1) ** 1.5
+    return (np.array(CLAY) * shade[..., None]).astype(np.float32)
 
 
 def asset_from_reliefs(reliefs: Sequence[ReliefTexture], names: Sequence[str], made_from: str) -> Asset:
