@@ -122,6 +122,20 @@ def test_both_passes_equal_the_twin(eye, holes, gap):
     agree(np.where(inside, shifts[:, :columns], 0), np.where(inside, want, 0), 0.02)
 
 
+def test_rows_and_texels_without_displacement_equal_the_twin():
+    height = bumpy(17, 23)
+    height[:9] = 0.0
+    height[:, 12:] = 0.0
+    source, eye = relief(height), (11.3, 7.9, 40.0)
+    view = sight(source.frame, ibrpipe.Camera.look_at(eye, (11, 8, 0), (0, 1, 0), 150.0, 64, 64))
+    face = plane_face(view, 17, 23, 0.0)
+    shifts, left, top, columns = warp_face(source, view, face)
+    x, y = np.arange(columns) + left + 0.5, np.arange(len(shifts)) + top + 0.5
+    inside = np.ix_((y > 0.5) & (y < 16.5), (x > 0.5) & (x < 22.5))
+    agree(shifts[:, :columns][inside], warp_plane(height.astype(float), eye, x, y)[inside], 0.02)
+    assert (shifts[:, :columns][inside][:6, 13:] == 0).all()
+
+
 @pytest.mark.parametrize("eye", [(11.3, -9.0, 14.0), (30.0, 3.2, 9.0), (5.0, -100.0, 30.0)])
 @pytest.mark.parametrize("holes", [0.0, 0.1])
 def test_walls_equal_the_twin(eye, holes):

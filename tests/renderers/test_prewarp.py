@@ -210,6 +210,33 @@ def test_small_and_odd_sizes_do_not_fail(shape):
     assert not np.isnan(ibrpipe.render(source, camera, "prewarp").depth).any()
 
 
+@pytest.mark.parametrize("method", ["two-pass", "pipelined"])
+@pytest.mark.parametrize("name", ["point", "area"])
+def test_texels_without_displacement_stay_where_they_are(method, name):
+    """A flat texture is planar texture mapping: bilinear, texel and pixel centres at halves."""
+    color = np.random.default_rng(8).random((24, 32, 3)).astype(np.float32)
+    frame = ibrpipe.ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+    source = ibrpipe.ReliefTexture(frame, color, np.zeros((24, 32)))
+    camera = ibrpipe.Camera.look_at((13, -9, 30), (15, 11, 0), (0.1, 1, 0), 30, 60, 45)
+    frame = ibrpipe.render(source, camera, "prewarp", method=method, filter=name, level=0)
+    row, column = np.indices((45, 60)) + 0.5
+    rays = np.stack([column, row, np.ones_like(row)], -1) @ camera.world_from_pixel.T
+    t = -camera.center[2] / rays[..., 2]
+    u, v = ((camera.center + t[..., None] * rays)[..., k] for k in (0, 1))
+    inside = (u > 1) & (u < 31) & (v > 1) & (v < 23)
+    i, j = np.floor(u - 0.5).clip(0, 30).astype(int), np.floor(v - 0.5).clip(0, 22).astype(int)
+    p, q = (u - 0.5 - i)[..., None], (v - 0.5 - j)[..., None]
+    above = (1 - p) * color[j, i] + p * color[j, i + 1]
+    want = (1 - q) * above + q * ((1 - p) * color[j + 1, i] + p * color[j + 1, i + 1])
+    assert inside.mean() > 0.5
+    assert (frame.alpha[inside] == 1).all()
+    np.testing.assert_allclose(frame.depth[inside], t[inside], rtol=1e-5)
+    if name == "point":
+        np.testing.assert_allclose(frame.color[inside], want[inside], atol=1e-4)
+    else:
+        assert np.abs(frame.color - want)[inside].mean() < 0.2
+
+
 def test_transparent_texels_are_holes_and_all_of_them_nothing():
     source = smooth()
     height = source.height.copy()
