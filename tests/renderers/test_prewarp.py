@@ -259,11 +259,12 @@ def test_two_textures_interpenetrate():
     assert np.quantile(error, 0.99) < 0.5 / N
 
 
-def test_threads_change_no_byte():
+@pytest.mark.parametrize("options", [{}, {"filter": "area"}, {"method": "pipelined", "filter": "area"}], ids=str)
+def test_threads_change_no_byte(options):
     camera = ibrpipe.Camera.look_at((0.3, -0.6, 0.9), (0.5, 0.5, 0.1), (0, 1, 0), 45, 96, 72)
 
     def shot():
-        frame = ibrpipe.render(smooth(), camera, "prewarp")
+        frame = ibrpipe.render(smooth(), camera, "prewarp", **options)
         return frame.depth, frame.color, frame.alpha
 
     on_all_thread_counts(shot)
@@ -286,8 +287,9 @@ height = rng.random((7, 9)) * 2
 height[2, 3] = np.nan
 relief = ibrpipe.ReliefTexture(frame, rng.random((7, 9, 3)), height)
 camera = ibrpipe.Camera.look_at((2, -4, 6), (3, 3, 1), width=13, height=11)
-seen = ibrpipe.render(relief, camera, "prewarp")
-np.savez(sys.argv[1], depth=seen.depth, color=seen.color)
+chosen = [{}, {"method": "pipelined"}, {"filter": "area"}, {"method": "pipelined", "filter": "area"}]
+seen = [ibrpipe.render(relief, camera, "prewarp", **options) for options in chosen]
+np.savez(sys.argv[1], depth=[each.depth for each in seen], color=[each.color for each in seen])
 """
 
 
