@@ -36,6 +36,8 @@ FEWEST = 4
 NEAR = 2.0
 #: greatest magnification of texels on a plane that is drawn with its outliers, in place of side walls
 WIDEST = 3.5
+#: the same on a wall beyond all rows where the eye is as high as some texels
+LEVEL = 2.0
 #: the same below which it is preferred to a wall beyond all rows
 WIDE = 1.25
 
@@ -272,9 +274,9 @@ def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:
     if spread <= WIDE:
         wide = None if h > high and relief.front_only else wide_plane(view, rows, columns, (low, high), base)
         return [] if wide is None else [(wide, False)]
-    for swapped in (False, True) if outside else ():
+    for swapped in (False, True):
         seen, size = (view.swapped(), (columns, rows)) if swapped else (view, (rows, columns))
-        wide, found_one = wide_wall(seen, *size, low, high, relief.pitch, WIDEST)
+        wide, found_one = wide_wall(seen, *size, low, high, relief.pitch, WIDEST if outside else LEVEL)
         if found_one:
             return [] if wide is None else [(wide, swapped)]
     if spread <= WIDEST:
