@@ -21,7 +21,7 @@ from ibrpipe.progress import listener
 from ibrpipe.stages.calibration.child import run_child
 from ibrpipe.stages.calibration.job import Job, write_job
 from ibrpipe.stages.calibration.photos import photos_of, without_cameras
-from ibrpipe.stages.calibration.results import summary
+from ibrpipe.stages.calibration.results import WEAK, summary
 from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.workplace import kept_folder
 
@@ -110,12 +110,12 @@ class CalibrateConfig(StageConfig):
     )
     neighbours: int = Field(24, ge=2, le=500, description="Photos that look alike each photo is compared with")
     overlap: int = Field(8, ge=1, le=100, description="Neighbours by name that sequential compares")
-    mapper: Literal["auto", "incremental", "global"] = Field(
+    mapper: Literal["auto", "incremental", "patient", "global"] = Field(
         "auto",
-        description="How photos are placed: one by one, all at once, or the second where the first leaves some out",
+        description="Place photos one by one, the same on few matches, or all at once; auto = first, else last",
     )
     min_registered: float = Field(
-        0.5, ge=0, le=1, description="Fail when a smaller share of the photos than this finds its camera"
+        0.5, ge=0, le=1, description="Fail when a smaller share of the photos finds its camera, on 30 points or more"
     )
     align: Literal["auto", "none", "given", "positions", "gps", "markers"] = Field(
         "auto", description="What places the world; auto = given cameras, else markers, else positions, else none"
@@ -215,14 +215,14 @@ def _decision(job: Job) -> dict[str, str]:
 
 
 def _check(document: dict[str, Any], config: CalibrateConfig, root: Path) -> None:
-    """Stop when too many photos are left out; the first finding says what to shoot."""
-    share = document["registered"] / document["photos_given"]
-    if share >= config.min_registered and document["registered"] >= 2:
+    """Stop when too many photos are left out or stand on weak feet; the first finding says what to shoot."""
+    sound = sum(photo["registered"] and photo["points"] >= WEAK for photo in document["photos"])
+    if sound >= max(2, config.min_registered * document["photos_given"]):
         return
     first = next((each for each in document["findings"] if each["severity"] == "warning"), None)
     advice = f": {first['file']} {first['text']}; {first['remedy']}" if first else ""
     raise CaptureError(
-        f"{root}: only {document['registered']} of {document['photos_given']} photos could be calibrated, expected at "
+        f"{root}: only {sound} of {document['photos_given']} photos could be calibrated, expected at "
         f"least {config.min_registered:.0%} (calibrate.min_registered){advice}"
     )
 

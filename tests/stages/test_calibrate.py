@@ -408,3 +408,23 @@ def test_masks_keep_features_inside(photos: Path, tmp_path: Path) -> None:
     small = find_features(entries[4], 1000, 200).keypoints
     assert (whole[:, 0] < 100).any()
     assert small[:, 0].max() > 0.9 * WIDTH  # places count in pixels of the file, whatever size was searched
+
+
+def test_pairs_of_many_photos_are_those_that_look_alike() -> None:
+    from ibrpipe.stages.calibration.pairs import matches, sequential_pairs, similar_pairs
+
+    random = np.random.default_rng(0)
+    shared = random.random((30, 128)) ** 4
+    chain = [np.concatenate([shared[4 * i : 4 * i + 12], random.random((40, 128)) ** 4]) for i in range(4)]
+    described = [np.rint(512 * np.sqrt(each / each.sum(axis=1, keepdims=True))).astype(np.uint8) for each in chain]
+    spots = [np.ones((len(each), 4), np.float32) for each in described]
+    assert matches(described[0].astype(np.float32), described[1].astype(np.float32)) >= 7
+    assert similar_pairs(spots, described, 1) == [(0, 1), (1, 2), (2, 3)]
+    assert sequential_pairs(5, 2) == [(0, 1), (0, 2), (0, 4), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4)]
+
+
+def test_all_at_once_places_the_same_cameras(photos: Path, found: Path, tmp_path: Path) -> None:
+    shutil.copytree(found.parent / ".calibrate.work", tmp_path / ".calibrate.work")
+    document = calibrated(photos, tmp_path / "calibrate", mapper="global", pairs="near")
+    assert document["registered"] == COUNT
+    assert compare_cameras(tmp_path / "calibrate", truth(photos))["center_mean_over_extent"] < 5e-3

@@ -33,7 +33,8 @@ def map_photos(path: Path, mapper: str, fixed: set[int], seed: int, registered: 
     ----------
     path : Path
         The database.
-    mapper : {"incremental", "global"}
+    mapper : {"incremental", "patient", "global"}
+        One after the other; the same with fewer matches asked for; all at once.
     fixed : set of int
         Numbers of the cameras whose lens is known.
     seed : int
@@ -48,15 +49,17 @@ def map_photos(path: Path, mapper: str, fixed: set[int], seed: int, registered: 
     out = path.with_suffix(".models")
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir()
-    found = _global(path, out, seed) if mapper == "global" else _incremental(path, out, fixed, seed, registered)
+    if mapper == "global":
+        found = _global(path, out, seed)
+    else:
+        found = _incremental(path, out, pipeline_options(fixed, seed, mapper == "patient"), registered)
     shutil.rmtree(out, ignore_errors=True)
     kept = [model for model in found.values() if model.num_reg_images() >= 2]
     return sorted(kept, key=lambda model: (-model.num_reg_images(), min(model.reg_image_ids())))
 
 
-def _incremental(path: Path, out: Path, fixed: set[int], seed: int, registered: Callable[[int], None]) -> Any:
+def _incremental(path: Path, out: Path, options: Any, registered: Callable[[int], None]) -> Any:
     pycolmap = import_pycolmap()
-    options = pipeline_options(fixed, seed)
     placed = 0
 
     def start() -> None:
@@ -74,14 +77,20 @@ def _incremental(path: Path, out: Path, fixed: set[int], seed: int, registered: 
     )
 
 
-def pipeline_options(fixed: set[int], seed: int) -> Any:
-    """Return COLMAP's options: one thread, so that sums come in the same order every time."""
+def pipeline_options(fixed: set[int], seed: int, patient: bool = False) -> Any:
+    """Return COLMAP's options: one thread, so that sums come in the same order every time.
+
+    `patient` ones ask for fewer matches before a photo is placed: right for smooth things with few features.
+    """
     options = import_pycolmap().IncrementalPipelineOptions()
     options.num_threads = options.mapper.num_threads = 1
     for part in (options, options.mapper, options.triangulation):
         part.random_seed = seed
     options.extract_colors = False
     options.min_model_size = 3
+    if patient:
+        options.mapper.init_min_num_inliers, options.mapper.init_min_tri_angle = 30, 8.0
+        options.mapper.abs_pose_min_num_inliers, options.mapper.abs_pose_min_inlier_ratio = 12, 0.15
     options.constant_cameras = options.mapper.constant_cameras = fixed
     return options
 

@@ -108,14 +108,15 @@ def _models(
     def placed(number: int) -> None:
         say("place photos", min(number, count), count)
 
-    first = "global" if wish == "global" else "incremental"
-    models = mapping.map_photos(matched.path, first, fixed, job.seed, placed)
+    best: list[Any] = []
     possible = int((matched.inliers.max(axis=1, initial=0) > 0).sum())
-    if wish == "auto" and 2 < possible > (models[0].num_reg_images() if models else 0):
-        other = mapping.map_photos(matched.path, "global", fixed, job.seed, placed)
-        if other and other[0].num_reg_images() > (models[0].num_reg_images() if models else 0):
-            models = other
-    return models
+    for mapper in ("incremental", "global") if wish == "auto" else (wish,):
+        models = mapping.map_photos(matched.path, mapper, fixed, job.seed, placed)
+        if models and models[0].num_reg_images() > (best[0].num_reg_images() if best else 0):
+            best = models
+        if best and best[0].num_reg_images() >= possible:
+            break
+    return best
 
 
 def _nothing(job: Job, features: Sequence[Features], inliers: Any) -> str:
