@@ -43,6 +43,7 @@ def read_exif(path: Path) -> Exif:
 
     source = oiio.ImageInput.open(str(path))
     if source is None:
+        oiio.geterror()  # else it is told when the process ends
         return Exif()
     spec = source.spec()
     source.close()
