@@ -17,6 +17,7 @@ import numpy as np
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
 from ibrpipe.io.images import read_coverage, read_depth, read_image
 from ibrpipe.io.lenses import Lens, photo_positions
+from ibrpipe.io.threshold_masks import threshold_mask
 from ibrpipe.types import Array, Camera
 
 SCHEMA = 1
@@ -40,6 +41,8 @@ class View:
         The photo's own alpha is the mask.
     mask_rule : {"coverage", "nonzero"}
         Mask values are coverage, or everything but zero counts fully (COLMAP's and OpenMVS's rule).
+    mask_threshold : float or None
+        Without a mask: what is brighter than this (display code, 0..1) is the object.
     gain : float
         Linear factor that undoes the photo's exposure.
     color_space : str or None
@@ -62,6 +65,7 @@ class View:
     mask: Path | None = None
     mask_from_alpha: bool = False
     mask_rule: MaskRule = "coverage"
+    mask_threshold: float | None = None
     gain: float = 1.0
     color_space: str | None = None
     distortion: Lens | None = None
@@ -69,6 +73,11 @@ class View:
     full_size: tuple[int, int] | None = None
     depth: Path | None = None
     held_out: bool = False
+
+    @property
+    def masked(self) -> bool:
+        """The photo comes with a mask of any kind."""
+        return self.mask is not None or self.mask_from_alpha or self.mask_threshold is not None
 
     @property
     def full_camera(self) -> Camera:
@@ -197,6 +206,10 @@ def _coverage(view: View, pixels: Array) -> Array:
         _check_size(view.mask, mask.shape, view.photo_size)
     elif view.mask_from_alpha and pixels.shape[2] in (2, 4):
         mask = np.ascontiguousarray(pixels[:, :, -1])
+    elif view.mask_threshold is not None:
+        return threshold_mask(
+            pixels[:, :, :3] if pixels.shape[2] >= 3 else pixels[:, :, :1].repeat(3, 2), view.mask_threshold
+        )
     else:
         return np.ones(pixels.shape[:2], np.float32)
     return (mask > 0).astype(np.float32) if view.mask_rule == "nonzero" else mask
@@ -250,6 +263,7 @@ def _view_to_json(view: View, root: Path | None) -> dict[str, Any]:
         "mask": None if view.mask is None else _relative(view.mask, root),
         "mask_from_alpha": view.mask_from_alpha,
         "mask_rule": view.mask_rule,
+        "mask_threshold": view.mask_threshold,
         "gain": view.gain,
         "color_space": view.color_space,
         "oriented": view.oriented,
@@ -273,6 +287,7 @@ def _view_from_json(entry: Mapping[str, Any], root: Path) -> View:
         mask=None if entry["mask"] is None else root / entry["mask"],
         mask_from_alpha=entry["mask_from_alpha"],
         mask_rule=entry["mask_rule"],
+        mask_threshold=entry.get("mask_threshold"),
         gain=entry["gain"],
         color_space=entry["color_space"],
         distortion=None if lens is None else Lens(lens[0], tuple(lens[1]), lens[2], lens[3]),

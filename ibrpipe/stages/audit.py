@@ -109,8 +109,8 @@ def write_audit(audit: Audit, capture: Capture, folder: Path) -> tuple[Path, Pat
     """Write ``audit.json`` and the readable ``audit.txt``; return their paths."""
     document = {
         "findings": [asdict(finding) for finding in audit.findings],
-        "photos": [_rounded(asdict(photo)) for photo in audit.photos],
-        "surface": None if audit.surface is None else _rounded(audit.surface),
+        "photos": [rounded(asdict(photo)) for photo in audit.photos],
+        "surface": None if audit.surface is None else rounded(audit.surface),
     }
     data, text = folder / "audit.json", folder / "audit.txt"
     data.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
@@ -132,15 +132,11 @@ class Surface:
         overlap, backs = agreement(view.camera, mask, self._caster)
         self.backs.append(backs)
         self._observers += seen * (not view.held_out)
-        return float(seen.mean()), overlap if _masked(view) and math.isfinite(overlap) else None
+        return float(seen.mean()), overlap if view.masked and math.isfinite(overlap) else None
 
     def coverage(self) -> dict[str, Any]:
         """Return the shares of the area by how many photos see it."""
         return _surface(self._observers, self._points)
-
-
-def _masked(view: View) -> bool:
-    return view.mask is not None or view.mask_from_alpha
 
 
 def _look(view: View, surface: Surface | None) -> PhotoFigures:
@@ -149,9 +145,7 @@ def _look(view: View, surface: Surface | None) -> PhotoFigures:
         load_depth(view)
     sharpness, clipped, black, covered = measure_photo(view, colour, mask)
     seen, overlap = (None, None) if surface is None else surface.look(view, mask)
-    return PhotoFigures(
-        view.name, view.held_out, sharpness, clipped, black, covered, seen, overlap, masked=_masked(view)
-    )
+    return PhotoFigures(view.name, view.held_out, sharpness, clipped, black, covered, seen, overlap, masked=view.masked)
 
 
 def _count_findings(capture: Capture) -> list[Finding]:
@@ -169,7 +163,7 @@ def _count_findings(capture: Capture) -> list[Finding]:
         findings.append(
             Finding("warning", "no test", root, text, "a test/ folder or more photos", "scores will be empty")
         )
-    unmasked = [view.name for view in capture.train if view.mask is None and not view.mask_from_alpha]
+    unmasked = [view.name for view in capture.train if not view.masked]
     if unmasked and len(unmasked) < count:
         text = f"{len(unmasked)} of {count} photos have no mask"
         findings.append(
@@ -236,13 +230,9 @@ def _surface_findings(
     return []
 
 
-def _rounded(document: dict[str, Any]) -> dict[str, Any]:
+def rounded(document: dict[str, Any]) -> dict[str, Any]:
     """Six significant digits: enough to read, the same on every machine."""
     return {
-        key: float(f"{value:.6g}")
-        if isinstance(value, float)
-        else _rounded(value)
-        if isinstance(value, dict)
-        else value
+        key: float(f"{value:.6g}") if isinstance(value, float) else rounded(value) if isinstance(value, dict) else value
         for key, value in document.items()
     }

@@ -26,6 +26,9 @@ class View(_Document):
     mask: str | None = Field(description="Mask file; null = none")
     mask_from_alpha: bool = Field(description="The photo's own alpha is the mask")
     mask_rule: Literal["coverage", "nonzero"] = Field(description="Values are coverage, or all but 0 count fully")
+    mask_threshold: float | None = Field(
+        None, description="Without a mask: what is brighter (display code, 0..1) is the object; null = all counts"
+    )
     gain: float = Field(gt=0, description="Linear factor that undoes the photo's exposure")
     color_space: str | None = Field(description="Colour space of the photo; null = as the file declares")
     oriented: bool = Field(description="The file's orientation tag is obeyed")
@@ -173,14 +176,42 @@ class Calibration(_Document):
     peak_memory_bytes: int | None = Field(None, description="Largest resident memory of the child process")
 
 
+class DepthMapFacts(_Document):
+    """Where the depth of a view comes from."""
+
+    view: str = Field(description="Name of the view")
+    neighbours: list[str] = Field(description="Views that it was matched with")
+    seconds: float = Field(ge=0, description="What it took; 0 = taken over from an earlier run, or given")
+
+
 class Geometry(_Document):
     """``geometry/geometry.json``."""
 
     schema_version: Literal[1] = Field(alias="schema", description="Version of this layout")
-    decision: Literal["given"] = Field(description="given = the capture's own mesh is used as it is")
-    reason: str = Field(description="Why, in words")
+    decision: Literal["given", "depth", "photos"] = Field(
+        description="given = the capture's own mesh, depth = from depth maps of the capture, photos = from photos"
+    )
+    reason: str = Field(description="Why this mesh or this way to it, in words")
     vertices: int = Field(ge=0, description="Vertices of mesh.ply")
     faces: int = Field(ge=0, description="Faces of mesh.ply")
+    depth_from: str | None = Field(None, description="Where depth comes from; empty = only outlines were used")
+    depth_maps: list[DepthMapFacts] | None = Field(None, description="The depth maps, a view each")
+    method: Literal["volume", "poisson", "hull"] | None = Field(None, description="How depth became a surface")
+    filled_by_outlines: bool | None = Field(None, description="The masks' outlines stand where no depth is")
+    measured: dict[str, float] | None = Field(None, description="The figures behind the choice of the method")
+    points: int | None = Field(None, description="Points that depth maps agree on")
+    voxel: float | None = Field(None, description="Size of a voxel, scene units")
+    parts_dropped: int | None = Field(None, description="Connected parts that were too small to keep")
+    area: float | None = Field(None, description="Of the surface, square scene units")
+    unseen_share: Share | None = Field(None, description="Share of the area that no depth map shows")
+    boundary_loops: int | None = Field(None, description="Open borders; 0 = closed")
+    boundary_length: float | None = Field(None, description="Length of all open borders, scene units")
+    crowded_edges: int | None = Field(None, description="Edges with more than two faces")
+    closed: bool | None = Field(None, description="No open border")
+    confidence: dict[str, float] | None = Field(None, description="Of the vertices: mean, and the least sure tenth")
+    observations_median: int | None = Field(None, description="Depth maps that show a vertex, median")
+    seconds: dict[str, float] | None = Field(None, description="Of depth, fusion and surface")
+    coverage: AuditedSurface | None = Field(None, description="How well the photos see the surface")
 
 
 class PlannedTexture(_Document):

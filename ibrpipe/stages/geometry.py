@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from pydantic import Field
 
 from ibrpipe.config import StageConfig
-from ibrpipe.errors import CaptureError
-from ibrpipe.io.manifest import write_json
+from ibrpipe.embree import MeshCaster
+from ibrpipe.io.dense import DepthMap, Workspace, write_workspace
+from ibrpipe.io.manifest import digest, write_json
 from ibrpipe.io.meshes import read_mesh, write_mesh
-from ibrpipe.io.views import read_views
+from ibrpipe.io.points import read_points
+from ibrpipe.io.views import View, ViewSet, load_view, read_views
+from ibrpipe.progress import track
+from ibrpipe.stages.audit import Surface, rounded
+from ibrpipe.stages.coverage import spread_points
+from ibrpipe.stages.dense import DepthConfig, estimate_depths
 from ibrpipe.stages.stage import Stage
+from ibrpipe.stages.surface.build import build_surface
+from ibrpipe.stages.surface.given import given_maps
+from ibrpipe.stages.surface.settings import SurfaceConfig
+from ibrpipe.stages.workplace import kept_folder
 from ibrpipe.types import Mesh
 
 SCHEMA = 1
@@ -18,6 +35,21 @@ SCHEMA = 1
 
 class GeometryConfig(StageConfig):
     """Settings of the geometry stage."""
+
+    use_given: bool = Field(
+        True, description="Use the capture's own mesh; off = make one from the photos, to be measured against it"
+    )
+    use_given_depth: bool = Field(
+        True, description="Use depth maps that the capture holds; off = estimate depth from the photos"
+    )
+    depth: DepthConfig = Field(default_factory=DepthConfig, description="How depth is found in the photos")
+    surface: SurfaceConfig = Field(default_factory=SurfaceConfig, description="How depth becomes a surface")
+    keep_maps: bool = Field(
+        True, description="Keep depth, normal and confidence maps as a COLMAP dense workspace in geometry/dense"
+    )
+    memory_mb: int = Field(
+        1000, ge=100, le=1_000_000, description="Memory that maps and volume of the surface may take, megabytes"
+    )
 
 
 @dataclass(frozen=True)
@@ -40,30 +72,94 @@ class Outputs:
 
 
 def run(inputs: Inputs, config: GeometryConfig) -> Outputs:
-    """Write ``mesh.ply`` and ``geometry.json``.
+    """Write ``mesh.ply`` and ``geometry.json``, and the depth maps where some were made.
 
     Raises
     ------
     MissingFileError, FormatError, CaptureError
-        An input is missing or damaged, or there is no mesh.
+        An input is missing or damaged, or the photos show no surface.
     """
     views = read_views(inputs.views)
-    if inputs.given is None:
-        raise CaptureError(
-            f"{views.info.get('capture', inputs.views)}: no mesh found; expected mesh.ply, .obj, .glb or .stl "
-            "(geometry from photos is not there yet: give a mesh)"
-        )
-    mesh = read_mesh(inputs.given)
     inputs.out.mkdir(parents=True, exist_ok=True)
+    if inputs.given is not None and config.use_given:
+        mesh = read_mesh(inputs.given)
+        write_mesh(mesh, inputs.out / "mesh.ply")
+        document: dict[str, Any] = {"decision": "given", "reason": "the capture has a mesh", **_counts(mesh)}
+    else:
+        document = _from_photos(views, inputs, config)
     outputs = Outputs(inputs.out / "mesh.ply", inputs.out / "geometry.json")
-    write_mesh(mesh, outputs.mesh)
-    write_json(outputs.geometry, _document(mesh, "given", "the capture has a mesh"))
+    write_json(outputs.geometry, {"schema": SCHEMA, **document})
     return outputs
 
 
-def _document(mesh: Mesh, decision: str, reason: str) -> dict[str, object]:
-    counts = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
-    return {"schema": SCHEMA, "decision": decision, "reason": reason, **counts}
+def _from_photos(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> dict[str, Any]:
+    """Make the mesh from depth maps; they are kept in a folder of their own until it is done."""
+    capture = Path(views.info["capture"]) if "capture" in views.info else None
+    work = kept_folder(inputs.out, _key(views, inputs, config))
+    workspace, began = Workspace(work / "dense"), perf_counter()
+    maps, source = given_maps(views.train, capture, workspace) if config.use_given_depth else ((), "")
+    decision = "depth" if maps else "photos"
+    if not maps and config.surface.method != "hull":
+        points = None if inputs.points is None else read_points(inputs.points)
+        maps = estimate_depths(views.train, workspace.root, config.depth, inputs.seed, points)
+        source = config.depth.method
+    depth_seconds = perf_counter() - began
+    try:
+        built = build_surface(views.train, maps, config.surface, work / "fused", config.memory_mb * 1_000_000)
+    finally:
+        shutil.rmtree(work / "fused", ignore_errors=True)
+    values = {"confidence": built.evidence.confidence, "observations": built.evidence.observations}
+    write_mesh(built.mesh, inputs.out / "mesh.ply", values)
+    if config.keep_maps and maps and workspace.stereo.is_dir():
+        if not workspace.fusion_list.is_file():
+            write_workspace(workspace, maps)
+        _link_tree(workspace.root, inputs.out / "dense")
+    facts = dict(built.facts)
+    facts["seconds"] = {"depth": round(depth_seconds, 2), **facts["seconds"]}
+    return {
+        "decision": decision,
+        "reason": facts.pop("reason"),
+        "depth_from": source,
+        "depth_maps": [_map_facts(each) for each in maps],
+        **facts,
+        "coverage": _coverage(views.train, built.mesh),
+    }
+
+
+def _key(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> str:
+    """Name what the depth maps depend on."""
+    photos = [(view.name, str(view.image), view.image.stat().st_mtime_ns, view.camera.K.tolist(),
+               view.camera.cam_from_world.tolist(), view.camera.width, view.gain) for view in views.train]  # fmt: skip
+    sparse = None if inputs.points is None else inputs.points.stat().st_size
+    return digest([photos, sparse, inputs.seed, config.use_given_depth, config.depth.model_dump(mode="json")])
+
+
+def _map_facts(each: DepthMap) -> dict[str, Any]:
+    return {"view": each.view.name, "neighbours": list(each.neighbours), "seconds": round(each.seconds, 3)}
+
+
+def _counts(mesh: Mesh) -> dict[str, int]:
+    return {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
+
+
+def _coverage(views: Sequence[View], mesh: Mesh, samples: int = 20_000) -> dict[str, Any]:
+    """Say how well the photos see the surface, as the audit does of a given mesh."""
+    surface = Surface(spread_points(mesh, samples), MeshCaster(mesh))
+    for view in track(views, "coverage"):
+        surface.look(view, load_view(view)[1])
+    return rounded(surface.coverage())
+
+
+def _link_tree(source: Path, target: Path) -> None:
+    """Copy a folder by hard links where the disk can, so that it takes no more space."""
+
+    def place(one: str, other: str) -> None:
+        try:
+            os.link(one, other)
+        except OSError:
+            shutil.copy2(one, other)
+
+    shutil.copytree(source, target, copy_function=place, dirs_exist_ok=True)
 
 
 STAGE = Stage(

@@ -46,6 +46,15 @@ class IngestConfig(StageConfig):
     max_pixels: int | None = Field(
         None, ge=64, description="Photos with more pixels are shrunk to at most this many on loading; none = never"
     )
+    use_every: int = Field(
+        1, ge=1, le=1000, description="Make the asset from every n-th photo only, by name; held-out photos stay"
+    )
+    mask_threshold: float | None = Field(
+        None,
+        gt=0,
+        lt=1,
+        description="Photos without a mask: what is brighter than this (display code, 0..1) is the object; none = all",
+    )
     blur_deviations: float = Field(
         3.5,
         gt=0,
@@ -98,7 +107,7 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
         config.color_space,
         inputs.calibration,
     )
-    capture = _shrunk(read_capture(inputs.capture, options), config.max_pixels)
+    capture = _reduced(_shrunk(read_capture(inputs.capture, options), config.max_pixels), config)
     capture = _without_foreign_mesh(capture, inputs.calibration)
     mesh = _mesh(capture)
     audit = audit_capture(capture, mesh, _limits(config))
@@ -139,6 +148,18 @@ def _limits(config: IngestConfig) -> Limits:
 def _shrunk(capture: Capture, max_pixels: int | None) -> Capture:
     train = tuple(shrink_view(view, max_pixels) for view in capture.train)
     return replace(capture, train=train, test=tuple(shrink_view(view, max_pixels) for view in capture.test))
+
+
+def _reduced(capture: Capture, config: IngestConfig) -> Capture:
+    """Leave photos out and mask by brightness, as asked for."""
+    train, test = capture.train[:: config.use_every], capture.test
+    if config.mask_threshold is not None:
+        train, test = (_masked(group, config.mask_threshold) for group in (train, test))
+    return replace(capture, train=train, test=test)
+
+
+def _masked(views: tuple[View, ...], threshold: float) -> tuple[View, ...]:
+    return tuple(view if view.masked else replace(view, mask_threshold=threshold) for view in views)
 
 
 def _view_set(capture: Capture, mesh: Path | None) -> ViewSet:

@@ -68,7 +68,7 @@ def test_the_error_of_the_surface_is_near_the_noise(ball, noisy, tmp_path: Path,
     views, mesh, _ = ball
     config = SurfaceConfig(method=method, disparity=1.5, depth_difference=0.02)
     built = build_surface(views, noisy, config, tmp_path, 200_000_000)
-    error = compare_surfaces(built.mesh, mesh, views, (0.25 * NOISE, 2 * NOISE), samples=5000)
+    error = compare_surfaces(built.mesh, mesh, views, (0.1 * NOISE, 2 * NOISE), samples=5000)
     spread = np.sqrt((error.accuracy**2).mean()) / error.diagonal
     assert 0.1 * NOISE < spread < NOISE
     assert error.scores[0].f_score < 0.9

@@ -27,7 +27,7 @@ from ibrpipe.stages.surface.finish import (
     without_vertices,
 )
 from ibrpipe.stages.surface.fusion import Cloud, Fused, FusionRules, fuse, joined
-from ibrpipe.stages.surface.hull import Outline, has_mask, hull_box, load_outlines, outline_of
+from ibrpipe.stages.surface.hull import Outline, hull_box, load_outlines, outline_of
 from ibrpipe.stages.surface.hull_surface import hull_surface
 from ibrpipe.stages.surface.maps import MapStore
 from ibrpipe.stages.surface.poisson import poisson_surface
@@ -85,7 +85,7 @@ def build_surface(
     began = perf_counter()
     rules = FusionRules(config.disparity, config.depth_difference, config.normal_angle, config.votes)
     fused = fuse(maps, rules, scratch, memory // 3)
-    masked = all(has_mask(view) for view in views)
+    masked = all(view.masked for view in views)
     outlines = load_outlines(views) if masked else []
     share = fused.confirmed / max(fused.masked, 1)
     middle = _middle(fused.cloud, outlines)
@@ -130,18 +130,36 @@ def _raw(
     step = config.voxel_pixels * float(np.median(fused.cloud.spacing))
     if choice.method == "volume":
         return _volume(fused, outlines, config, step, memory // 2)
-    if not choice.fill:
-        return poisson_surface(fused.cloud, step, 6 * step), step
-    hull, _ = hull_surface(outlines, config.voxel_pixels, memory // 2)
-    return poisson_surface(_with_hull(fused, hull, step), step, 6 * step), step
+    cloud, step = _averaged(fused, outlines, config, step, memory // 2)
+    if choice.fill:
+        hull, _ = hull_surface(outlines, config.voxel_pixels, memory // 2)
+        cloud = _with_hull(cloud, fused.maps, hull, step)
+    return poisson_surface(cloud, step, 6 * step), step
 
 
-def _with_hull(fused: Fused, hull: Mesh, step: float) -> Cloud:
+def _averaged(
+    fused: Fused, outlines: Sequence[Outline], config: SurfaceConfig, step: float, memory: int
+) -> tuple[Cloud, float]:
+    """Return points of the averaged distances' surface: every depth map has its say in them, by its confidence."""
+    mesh, step = _volume(fused, outlines, config, step, memory)
+    found = evidence(mesh, fused.maps, 2.0 * step)
+    kept = (found.observations >= config.votes) & (found.observations > found.through)
+    cloud = Cloud(
+        mesh.vertices[kept],
+        vertex_normals(mesh)[kept],
+        found.confidence[kept],
+        found.observations[kept],
+        np.full(int(kept.sum()), step, np.float32),
+    )
+    return cloud, step
+
+
+def _with_hull(cloud: Cloud, maps: MapStore, hull: Mesh, step: float) -> Cloud:
     """Add the outlines' surface to the points, where no point is near and no depth map looks through it."""
     from scipy.spatial import cKDTree
 
-    found = evidence(hull, fused.maps, 2.0 * step)
-    far = ~np.isfinite(cKDTree(fused.cloud.position).query(hull.vertices, distance_upper_bound=6 * step)[0])
+    found = evidence(hull, maps, 2.0 * step)
+    far = ~np.isfinite(cKDTree(cloud.position).query(hull.vertices, distance_upper_bound=6 * step)[0])
     chosen = far & (found.through == 0) & (found.observations == 0)
     count = int(chosen.sum())
     added = Cloud(
@@ -151,7 +169,7 @@ def _with_hull(fused: Fused, hull: Mesh, step: float) -> Cloud:
         np.zeros(count, np.int32),
         np.full(count, step, np.float32),
     )
-    return joined([fused.cloud, added])
+    return joined([cloud, added])
 
 
 def _volume(

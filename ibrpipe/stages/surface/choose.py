@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.io.views import View
-from ibrpipe.stages.surface.hull import Outline, has_mask
+from ibrpipe.stages.surface.hull import Outline
 from ibrpipe.stages.surface.settings import Method, SurfaceConfig
 from ibrpipe.types import Array
 
@@ -60,7 +60,7 @@ def choose(
     center : (3,) or None
         Middle of what was found.
     """
-    masked = sum(has_mask(view) for view in views)
+    masked = sum(view.masked for view in views)
     cut = sum(outline.touches for outline in outlines) / max(len(outlines), 1)
     spread = _spread(views, center)
     measured = {

@@ -37,11 +37,6 @@ class Outline:
     touches: bool
 
 
-def has_mask(view: View) -> bool:
-    """Say whether a photo comes with a mask."""
-    return view.mask is not None or view.mask_from_alpha
-
-
 def load_outlines(views: Sequence[View], most_pixels: int = 1_000_000) -> list[Outline]:
     """Read the masks of photos as distances."""
     return [load_outline(view, most_pixels) for view in track(views, "outlines")]
@@ -51,7 +46,7 @@ def load_outline(view: View, most_pixels: int = 1_000_000) -> Outline:
     """Read one photo's mask as distances to its outline."""
     mask, known = load_view(view)[1], np.ones((1, 1), bool)
     if view.distortion is not None:
-        known = load_view(replace(view, mask=None, mask_from_alpha=False))[1] >= 0.5
+        known = load_view(replace(view, mask=None, mask_from_alpha=False, mask_threshold=None))[1] >= 0.5
     return outline_of(view.camera, mask, known, most_pixels)
 
 
