@@ -1,9 +1,10 @@
 """Exact hits of a height field, every ray walked on from where the sweep of its epipolar line lets it start.
 
-Cells are bilinear patches of the heights at their corners. Along a ray the height above a patch is a quadratic, of
-which the walk needs its two ends and its bend. Ends are shared by neighbouring cells, so that no ray slips between two.
-Rays of a tile of pixels are walked together, a cell at a time, in loops without branches; those that are still on
-their way after some cells are walked on one by one, over blocks of cells that they pass.
+Rays of a tile of pixels are walked together in float32 up to the cells where they may be hit
+(:mod:`ibrpipe.core.epipolar_cells`), and are met there in float64: along a ray the height above a bilinear patch is a
+quadratic. Rays that are not hit there after all, and those still on their way after some cells, are walked on one by
+one in float64, over blocks of cells that they pass; there the ends of a cell's way are shared with the next cell, so
+that no ray slips between two.
 
 Symbols: t camera depth; (u, v, d) = P + t Q; F = d - height at the ends of a cell's way; A coefficient of the square
 when the way is counted from 0 to 1.
@@ -16,43 +17,32 @@ import math
 import numpy as np
 from numba import prange
 
+from ibrpipe.core import epipolar_cells as ec
 from ibrpipe.core import epipolar_lines as el
 from ibrpipe.core.jit import fused, kernel
 
-#: pixels of a tile along x and y, and together
-TILE_X, TILE_Y = 32, 8
-LANES = TILE_X * TILE_Y
-#: cells that rays are taken through before those that are done are left behind, and cells before they go one by one
-STRIDE, PATIENCE = 3, 24
 #: how far beyond an edge a ray is taken to be in the next cell, in cells
 NUDGE = 1e-9
-#: rows of the working memory, LANES numbers each: ray, its place, the cell it is in, what came of it
-Q0, Q1, Q2, I0, I1, FAR, T, F, CI, CJ, T1, F1, BEND, STATE = (LANES * n for n in range(14))
-#: corners of its cell, next cell, which lane of the tile it is
-A, B, C, E, NEXT_I, NEXT_J, LANE = (LANES * n for n in range(14, 21))
-WORK = LANES * 21
-#: states of a ray
-GOES_ON, HIT, ENDS = 0.0, 1.0, 2.0
+#: rows of the working memory, LANES numbers each: 1 / Q, where a ray starts and ends, its hit, entry of its table
+INV0, INV1, NEAR, FAR, HIT, ENTRY = (ec.LANES * n for n in range(6))
+RAYS = ec.LANES * 6
+#: state of a ray that is not hit in the cell where it stopped
+PASSES = 3.0
+#: bounds of float32 directions, and by how much the end of a ray is moved out
+STEEP, INVERSE, BEYOND, LEAST = 1e20, 1e30, 1.000001, 1e-19
+#: rounding of float32 in heights and in places, see `doubt`
+EPSILON = 2.0**-23
 
 
 @fused
-def sector_at(wx, wy):
-    # number of the sector of a ray that crosses the reference along (wx, wy)
-    if abs(wx) >= abs(wy):
-        return 0 if wx > 0.0 else 1
-    return 2 if wy > 0.0 else 3
-
-
-@fused
-def set_out(x0, y0, x1, y1, P0, P1, P2, turn, box, eye, work):
-    # rays of the pixels of a tile and where they pass the box -> number of pixels
+def set_out(x0, y0, P0, P1, P2, turn, box, eye, rays):
+    # where the rays of the pixels of a tile pass the box
     q00, q01, q02, q10, q11, q12 = turn[0, 0], turn[0, 1], turn[0, 2], turn[1, 0], turn[1, 1], turn[1, 2]
     q20, q21, q22, columns, rows, low, high = turn[2, 0], turn[2, 1], turn[2, 2], box[0], box[1], box[2], box[3]
-    wide = x1 - x0
-    for y in range(y0, y1):
-        py, first = y + 0.5, (y - y0) * wide
+    for row in range(ec.TILE_Y):
+        py, first = y0 + row + 0.5, row * ec.TILE_X
         a0, a1, a2 = q01 * py + q02, q11 * py + q12, q21 * py + q22
-        for k in range(wide):
+        for k in range(ec.TILE_X):
             px = x0 + k + 0.5
             r0, r1, r2 = q00 * px + a0, q10 * px + a1, q20 * px + a2
             r0 = r0 if abs(r0) > 1e-290 else 1e-290
@@ -70,167 +60,164 @@ def set_out(x0, y0, x1, y1, P0, P1, P2, turn, box, eye, work):
             far = g0 if g0 < g1 else g1
             far = far if far < g2 else g2
             n = first + k
-            work[Q0 + n], work[Q1 + n], work[Q2 + n], work[I0 + n], work[I1 + n] = r0, r1, r2, i0, i1
-            work[T + n], work[FAR + n] = near, far
-    return wide * (y1 - y0)
+            rays[INV0 + n], rays[INV1 + n], rays[NEAR + n], rays[FAR + n] = i0, i1, near, far
 
 
 @fused
-def look_up(number, sectors, along, x0, y0, wide, high, table, work):
+def look_up(number, sectors, along, x0, y0, table, rays):
     # let the rays of one sector start where its table says; along: place of the eye along the sector's rays
     l0, l1, l2, lines = sectors[number, 0], sectors[number, 1], sectors[number, 2], sectors[number, el.LINES]
     b0, b1, b2, bins = sectors[number, 6], sectors[number, 7], sectors[number, 8], sectors[number, el.BINS]
     first, line_step, bin_step = sectors[number, el.FIRST], sectors[number, el.LINE_STEP], sectors[number, el.BIN_STEP]
-    inverse = I0 if number < 2 else I1
-    for row in range(high):
-        py, start = y0 + row + 0.5, row * wide
+    inverse, other = (INV0, INV1) if number < 2 else (INV1, INV0)
+    sign = -1.0 if number & 1 else 1.0
+    for row in range(ec.TILE_Y):
+        py, start = y0 + row + 0.5, row * ec.TILE_X
         line_y, bin_y = l1 * py + l2, b1 * py + b2
-        for k in range(wide):
+        for k in range(ec.TILE_X):
             px, n = x0 + k + 0.5, start + k
-            line = np.floor((l0 * px + line_y) * abs(work[inverse + n]))
+            turned = rays[inverse + n] * sign
+            line = np.floor((l0 * px + line_y) * turned)
             place = np.floor(b0 * px + bin_y)
             known = (line >= 0.0) & (line < lines) & (place >= 0.0) & (place < bins)
-            known &= sector_at(work[Q0 + n], work[Q1 + n]) == number
-            work[A + n] = first + line * line_step + place * bin_step if known else 0.0
-    for n in range(wide * high):
-        work[B + n] = table[np.uint32(np.int64(work[A + n]))]
-    for n in range(wide * high):
-        t = (work[B + n] - along) * abs(work[inverse + n])
-        work[T + n] = t if t > work[T + n] else work[T + n]
+            across = abs(rays[other + n])
+            known &= (turned > 0.0) & ((turned <= across) if number < 2 else (turned < across))
+            rays[ENTRY + n] = first + line * line_step + place * bin_step if known else 0.0
+    for n in range(ec.LANES):
+        t = (table[np.uint32(np.int64(rays[ENTRY + n]))] - along) * abs(rays[inverse + n])
+        rays[NEAR + n] = t if t > rays[NEAR + n] else rays[NEAR + n]
 
 
 @fused
-def enter_cells(count, P0, P1, columns, rows, work):
-    # find the first cell of every ray -> how many have a way before them
-    going = 0.0
-    for n in range(count):
-        t = work[T + n]
-        i = np.floor(P0 + t * work[Q0 + n] + (NUDGE if work[Q0 + n] > 0.0 else -NUDGE))
-        j = np.floor(P1 + t * work[Q1 + n] + (NUDGE if work[Q1 + n] > 0.0 else -NUDGE))
-        i = i if i > 0.0 else 0.0
-        j = j if j > 0.0 else 0.0
-        work[CI + n] = i if i < columns - 1.0 else columns - 1.0
-        work[CJ + n] = j if j < rows - 1.0 else rows - 1.0
-        state = GOES_ON if t <= work[FAR + n] else ENDS
-        work[STATE + n], work[F + n] = state, np.nan
-        going += 1.0 if state == GOES_ON else 0.0
+def enter_cells(x0, y0, P0, P1, P2, turn, columns, rows, steepest, rays, work):
+    # lay every ray from its start on in float32, in cells -> how many have a way before them
+    q00, q01, q02, q10, q11, q12 = turn[0, 0], turn[0, 1], turn[0, 2], turn[1, 0], turn[1, 1], turn[1, 2]
+    q20, q21, q22 = turn[2, 0], turn[2, 1], turn[2, 2]
+    going = 0
+    for row in range(ec.TILE_Y):
+        py, start = y0 + row + 0.5, row * ec.TILE_X
+        a0, a1, a2 = q01 * py + q02, q11 * py + q12, q21 * py + q22
+        for k in range(ec.TILE_X):
+            px, n = x0 + k + 0.5, start + k
+            q0, q1, q2, i0, i1 = q00 * px + a0, q10 * px + a1, q20 * px + a2, rays[INV0 + n], rays[INV1 + n]
+            t, far = rays[NEAR + n], rays[FAR + n]
+            u, v = P0 + t * q0, P1 + t * q1
+            i = np.floor(u + (NUDGE if i0 > 0.0 else -NUDGE))
+            j = np.floor(v + (NUDGE if i1 > 0.0 else -NUDGE))
+            i = i if i > 0.0 else 0.0
+            j = j if j > 0.0 else 0.0
+            i = i if i < columns - 1.0 else columns - 1.0
+            j = j if j < rows - 1.0 else rows - 1.0
+            across, down = abs(q0), abs(q1)
+            speed = across if across > down else down
+            speed = speed if speed > 1e-290 else 1e-290
+            wide0, wide1 = abs(i0), abs(i1)
+            scale = wide0 if wide0 < wide1 else wide1
+            dd, au, av = q2 * scale, i0 * speed, i1 * speed
+            dd = dd if dd < steepest else steepest
+            dd = dd if dd > -steepest else -steepest
+            au = au if au < INVERSE else INVERSE
+            au = au if au > -INVERSE else -INVERSE
+            av = av if av < INVERSE else INVERSE
+            av = av if av > -INVERSE else -INVERSE
+            work[ec.DU + n], work[ec.DV + n], work[ec.DD + n] = q0 * scale, q1 * scale, dd
+            work[ec.AU + n], work[ec.AV + n] = au, av
+            work[ec.U0 + n], work[ec.V0 + n], work[ec.D0 + n] = u - i, v - j, P2 + t * q2
+            work[ec.END + n], work[ec.S + n] = (far - t) * speed * BEYOND + LEAST, 0.0
+            work[ec.I + n], work[ec.J + n], work[ec.I0 + n], work[ec.J0 + n] = i, j, i, j
+            work[ec.STATE + n] = ec.GOES_ON if t <= far else ec.ENDS
+            going += 1 if t <= far else 0
     return going
 
 
 @fused
-def gather_heights(count, flat, stride, work):
-    # heights at the corners of every ray's cell
-    for n in range(count):
-        cell = np.uint32(np.int64(work[CJ + n] * stride + work[CI + n]))
-        work[A + n], work[B + n] = flat[cell], flat[cell + np.uint32(1)]
-    for n in range(count):
-        cell = np.uint32(np.int64((work[CJ + n] + 1.0) * stride + work[CI + n]))
-        work[C + n], work[E + n] = flat[cell], flat[cell + np.uint32(1)]
+def hit_between(t0, t1, f0, f1, bend):
+    # camera depth of the first zero of a quadratic on the way from t0 to t1, f0 and f1 at its ends
+    slope = f1 - f0 - bend
+    turn = 1.0 if f0 >= 0.0 else -1.0
+    f, a, b = f0 * turn, bend * turn, slope * turn
+    square = b * b - 4.0 * a * f
+    wide = math.sqrt(square if square > 0.0 else 0.0)
+    over, under = b + wide if b > 0.0 else 2.0 * f, -2.0 * a if b > 0.0 else wide - b
+    s = over / under if f > 0.0 else 0.0
+    s = s if s < 1.0 else 1.0
+    return t0 + (s if s > 0.0 else 0.0) * (t1 - t0)
 
 
 @fused
-def cross_cells(count, P0, P1, P2, columns, rows, work):
-    # see whether rays are hit in their cells, from (T, F) to (T1, F1); where they start is no hit
-    for n in range(count):
-        q0, q1, q2, i, j = work[Q0 + n], work[Q1 + n], work[Q2 + n], work[CI + n], work[CJ + n]
-        a, b, c, e = work[A + n], work[B + n], work[C + n], work[E + n]
-        tx = (i + (1.0 if q0 > 0.0 else 0.0) - P0) * work[I0 + n]
-        ty = (j + (1.0 if q1 > 0.0 else 0.0) - P1) * work[I1 + n]
-        t0, far, f0 = work[T + n], work[FAR + n], work[F + n]
-        t1 = tx if tx < ty else ty
-        t1 = t1 if t1 < far else far
-        across, down, twist = b - a, c - a, (a - b) - (c - e)
-        p, q = P0 + t0 * q0 - i, P1 + t0 * q1 - j
-        f0 = f0 if f0 == f0 else P2 + t0 * q2 - (a + p * across + q * (down + p * twist))
-        p, q = P0 + t1 * q0 - i, P1 + t1 * q1 - j
-        f1 = P2 + t1 * q2 - (a + p * across + q * (down + p * twist))
-        way = t1 - t0
-        bend = -twist * (q0 * way) * (q1 * way)
-        slope = f1 - f0 - bend
-        dips = (bend * f0 > 0.0) & (slope * f0 < 0.0) & (abs(slope) < 2.0 * abs(bend))
-        dips &= slope * slope >= 4.0 * bend * f0
-        i += (1.0 if q0 > 0.0 else -1.0) if tx < ty else 0.0
-        j += 0.0 if tx < ty else (1.0 if q1 > 0.0 else -1.0)
-        ends = (t1 >= far) | (i < 0.0) | (j < 0.0) | (i >= columns) | (j >= rows)
-        state = HIT if ((f0 * f1 <= 0.0) & (f0 != 0.0)) | dips else (ENDS if ends else GOES_ON)
-        going = work[STATE + n] == GOES_ON
-        work[STATE + n] = state if going else work[STATE + n]
-        work[F + n] = f0 if going else work[F + n]
-        work[T1 + n] = t1 if going else work[T1 + n]
-        work[F1 + n] = f1 if going else work[F1 + n]
-        work[BEND + n] = bend if going else work[BEND + n]
-        work[NEXT_I + n], work[NEXT_J + n] = i, j
+def is_hit(f0, f1, bend):
+    # has the quadratic a zero on its way? where it starts is none
+    slope = f1 - f0 - bend
+    dips = (bend * f0 > 0.0) & (slope * f0 < 0.0) & (abs(slope) < 2.0 * abs(bend))
+    dips &= slope * slope >= 4.0 * bend * f0
+    return ((f0 * f1 <= 0.0) & (f0 != 0.0)) | dips
 
 
 @fused
-def step_on(count, work):
-    # rays that go on enter their next cells
-    for n in range(count):
-        going = work[STATE + n] == GOES_ON
-        work[T + n] = work[T1 + n] if going else work[T + n]
-        work[F + n] = work[F1 + n] if going else work[F + n]
-        work[CI + n] = work[NEXT_I + n] if going else work[CI + n]
-        work[CJ + n] = work[NEXT_J + n] if going else work[CJ + n]
+def meet(x0, y0, P0, P1, P2, turn, rays, work):
+    # HIT: camera depth at which every ray that stopped is hit in its cell, inf for none
+    q00, q01, q02, q10, q11, q12 = turn[0, 0], turn[0, 1], turn[0, 2], turn[1, 0], turn[1, 1], turn[1, 2]
+    q20, q21, q22 = turn[2, 0], turn[2, 1], turn[2, 2]
+    for row in range(ec.TILE_Y):
+        py, start = y0 + row + 0.5, row * ec.TILE_X
+        a0, a1, a2 = q01 * py + q02, q11 * py + q12, q21 * py + q22
+        for k in range(ec.TILE_X):
+            px, n = x0 + k + 0.5, start + k
+            q0, q1, q2, i0, i1 = q00 * px + a0, q10 * px + a1, q20 * px + a2, rays[INV0 + n], rays[INV1 + n]
+            i, j, t0, t1 = np.float64(work[ec.I + n]), np.float64(work[ec.J + n]), rays[NEAR + n], rays[FAR + n]
+            a, b = np.float64(work[ec.A + n]), np.float64(work[ec.B + n])
+            c, e = np.float64(work[ec.C + n]), np.float64(work[ec.E + n])
+            near0, far0 = (i - P0) * i0, (i + 1.0 - P0) * i0
+            near1, far1 = (j - P1) * i1, (j + 1.0 - P1) * i1
+            near0, far0 = (near0, far0) if i0 > 0.0 else (far0, near0)
+            near1, far1 = (near1, far1) if i1 > 0.0 else (far1, near1)
+            near0 = near0 if work[ec.I + n] != work[ec.I0 + n] else t0
+            near1 = near1 if work[ec.J + n] != work[ec.J0 + n] else t0
+            t0 = t0 if t0 > near0 else near0
+            t0 = t0 if t0 > near1 else near1
+            t1 = t1 if t1 < far0 else far0
+            t1 = t1 if t1 < far1 else far1
+            t0 = t0 if t0 < t1 else t1
+            across, down, twist = b - a, c - a, (a - b) - (c - e)
+            p, q = P0 + t0 * q0 - i, P1 + t0 * q1 - j
+            f0 = P2 + t0 * q2 - (a + p * across + q * (down + p * twist))
+            p, q = P0 + t1 * q0 - i, P1 + t1 * q1 - j
+            f1 = P2 + t1 * q2 - (a + p * across + q * (down + p * twist))
+            way = t1 - t0
+            bend = -twist * (q0 * way) * (q1 * way)
+            state = work[ec.STATE + n]
+            stops, hits = state == ec.STOPS, is_hit(f0, f1, bend)
+            t = hit_between(t0, t1, f0, f1, bend)
+            rays[HIT + n] = t if stops & hits else np.inf
+            work[ec.STATE + n] = PASSES if stops & (not hits) else state
 
 
 @fused
-def leave_behind(count, work, late):
-    # copy the rays of a tile that go on to the late ones -> how many they are
+def find_late( work):
+    # list the rays that are not done -> how many they are
     kept = 0
-    for n in range(count):
-        late[LANE + kept] = n
-        kept += 1 if work[STATE + n] == GOES_ON else 0
-    for k in range(kept):
-        n = np.uint32(late[LANE + k])
-        late[Q0 + k], late[Q1 + k], late[Q2 + k] = work[Q0 + n], work[Q1 + n], work[Q2 + n]
-        late[I0 + k], late[I1 + k], late[FAR + k] = work[I0 + n], work[I1 + n], work[FAR + n]
-        late[T + k], late[F + k], late[CI + k], late[CJ + k] = work[T + n], work[F + n], work[CI + n], work[CJ + n]
-        late[STATE + k] = GOES_ON
+    for n in range(ec.LANES):
+        work[ec.LANE + kept] = n
+        kept += 1 if (work[ec.STATE + n] == ec.GOES_ON) | (work[ec.STATE + n] == PASSES) else 0
     return kept
 
 
 @fused
-def bring_back(count, late, work):
-    # tell the tile what came of its late rays that are done; the others move up -> how many they are
-    kept = 0
-    for n in range(count):
-        state, lane = late[STATE + n], np.uint32(late[LANE + n])
-        if state == HIT:
-            work[STATE + lane], work[T + lane], work[T1 + lane] = HIT, late[T + n], late[T1 + n]
-            work[F + lane], work[F1 + lane], work[BEND + lane] = late[F + n], late[F1 + n], late[BEND + n]
-            work[CI + lane], work[CJ + lane] = late[CI + n], late[CJ + n]
-        late[Q0 + kept], late[Q1 + kept], late[Q2 + kept] = late[Q0 + n], late[Q1 + n], late[Q2 + n]
-        late[I0 + kept], late[I1 + kept], late[FAR + kept] = late[I0 + n], late[I1 + n], late[FAR + n]
-        late[T + kept], late[F + kept], late[CI + kept] = late[T + n], late[F + n], late[CI + n]
-        late[CJ + kept], late[LANE + kept], late[STATE + kept] = late[CJ + n], lane, state
-        kept += 1 if state == GOES_ON else 0
-    return kept
-
-
-@fused
-def advance(count, flat, stride, P0, P1, P2, columns, rows, work):
-    # take rays through some cells
-    for _ in range(STRIDE):
-        gather_heights(count, flat, stride, work)
-        cross_cells(count, P0, P1, P2, columns, rows, work)
-        step_on(count, work)
-
-
-@fused
-def meet(count, work):
-    # camera depth at which every ray of a tile is hit, inf for none, in place of T
-    for n in range(count):
-        f0, bend = work[F + n], work[BEND + n]
-        slope = work[F1 + n] - f0 - bend
-        turn = 1.0 if f0 >= 0.0 else -1.0
-        f, a, b = f0 * turn, bend * turn, slope * turn
-        square = b * b - 4.0 * a * f
-        wide = math.sqrt(square if square > 0.0 else 0.0)
-        over, under = b + wide if b > 0.0 else 2.0 * f, -2.0 * a if b > 0.0 else wide - b
-        s = over / under if f > 0.0 else 0.0
-        s = s if s < 1.0 else 1.0
-        t = work[T + n] + (s if s > 0.0 else 0.0) * (work[T1 + n] - work[T + n])
-        work[T + n] = t if work[STATE + n] == HIT else np.inf
+def walk_on(x, y, lane, flat, stride, nodes, meta, grid, P0, P1, P2, turn, columns, rows, rays, work):
+    # walk the ray of one pixel on from its cell
+    px, py, i0, i1, near, far = x + 0.5, y + 0.5, rays[INV0 + lane], rays[INV1 + lane], rays[NEAR + lane], rays[FAR + lane]
+    q0, q1 = turn[0, 0] * px + turn[0, 1] * py + turn[0, 2], turn[1, 0] * px + turn[1, 1] * py + turn[1, 2]
+    q2, i, j = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2], int(work[ec.I + lane]), int(work[ec.J + lane])
+    t0, t1 = near, min(far, max((i - P0) * i0, (i + 1 - P0) * i0), max((j - P1) * i1, (j + 1 - P1) * i1))
+    if work[ec.I + lane] != work[ec.I0 + lane]:
+        t0 = max(t0, min((i - P0) * i0, (i + 1 - P0) * i0))
+    if work[ec.J + lane] != work[ec.J0 + lane]:
+        t0 = max(t0, min((j - P1) * i1, (j + 1 - P1) * i1))
+    t0, t1, f0, f1, bend, i, j = walk(
+        flat, stride, nodes, meta, grid, P0, P1, P2, q0, q1, q2, i0, i1, min(t0, t1), far, np.nan, i, j, columns, rows
+    )  # fmt: skip
+    if i >= 0:
+        rays[HIT + lane], work[ec.I + lane], work[ec.J + lane] = hit_between(t0, t1, f0, f1, bend), i, j
 
 
 @kernel
@@ -240,52 +227,55 @@ def cast_heights(flat, stride, nodes, meta, grid, start, turn, box, eye, sectors
     # greatest d; eye: camera depth that still belongs to the eye; sectors, table: see epipolar_sweep;
     # depth (h, w) f32 and ids (h, w) u32 are lowered in place; a hit's id is base + its cell
     picture_rows, picture_columns = depth.shape
-    tiles_x, tiles_y = -(-picture_columns // TILE_X), -(-picture_rows // TILE_Y)
+    tiles_x, tiles_y = -(-picture_columns // ec.TILE_X), -(-picture_rows // ec.TILE_Y)
+    room, room_32 = np.empty((parts, RAYS)), np.empty((2, parts, ec.WORK), np.float32)
     for part in prange(parts):
-        work, late = np.empty(WORK), np.empty(WORK)
+        rays, work, late = room[part], room_32[0, part], room_32[1, part]
         P0, P1, P2 = start[0], start[1], start[2]
         columns, rows = box[0], box[1]
+        columns_32, rows_32 = np.float32(columns), np.float32(rows)
+        range_, most = box[3] - box[2], max(abs(box[2]), abs(box[3]))
+        doubt, steepest = np.float32(EPSILON * (8.0 * most + 128.0 * range_)), STEEP * range_
         for tile in range(np.int64(part), tiles_x * tiles_y, parts):
-            y0, x0 = (tile // tiles_x) * TILE_Y, (tile % tiles_x) * TILE_X
-            y1, x1 = min(y0 + TILE_Y, picture_rows), min(x0 + TILE_X, picture_columns)
-            count = set_out(x0, y0, x1, y1, P0, P1, P2, turn, box, eye, work)
+            y0, x0 = (tile // tiles_x) * ec.TILE_Y, (tile % tiles_x) * ec.TILE_X
+            y1, x1 = min(y0 + ec.TILE_Y, picture_rows), min(x0 + ec.TILE_X, picture_columns)
+            set_out(x0, y0, P0, P1, P2, turn, box, eye, rays)
             for number in range(4):
                 if sectors[number, el.USED] > 0.0 and crosses(number, x0, y0, x1, y1, turn):
                     along = P0 if number < 2 else P1
                     if number & 1:
                         along = (columns if number < 2 else rows) - along
-                    look_up(number, sectors, along, x0, y0, x1 - x0, y1 - y0, table, work)
-            if enter_cells(count, P0, P1, columns, rows, work) == 0.0:
+                    look_up(number, sectors, along, x0, y0, table, rays)
+            if enter_cells(x0, y0, P0, P1, P2, turn, columns, rows, steepest, rays, work) == 0:
                 continue
-            advance(count, flat, stride, P0, P1, P2, columns, rows, work)
-            going, passed = leave_behind(count, work, late), STRIDE
-            while going > 0 and passed < PATIENCE:
-                advance(going, flat, stride, P0, P1, P2, columns, rows, late)
-                going, passed = bring_back(going, late, work), passed + STRIDE
-            for n in range(going):
-                t0, t1, f0, f1, bend, i, j = walk(
-                    flat, stride, nodes, meta, grid, P0, P1, P2, late[Q0 + n], late[Q1 + n], late[Q2 + n],
-                    late[I0 + n], late[I1 + n], late[T + n], late[FAR + n], late[F + n], int(late[CI + n]),
-                    int(late[CJ + n]), columns, rows,
+            ec.advance(ec.LANES, flat, stride, columns_32, rows_32, doubt, work)
+            going, passed = ec.leave_behind(ec.LANES, work, late), ec.STRIDE
+            while going > 0 and passed < ec.PATIENCE:
+                ec.advance(going, flat, stride, columns_32, rows_32, doubt, late)
+                going, passed = ec.bring_back(going, late, work), passed + ec.STRIDE
+            ec.gather_heights(ec.LANES, flat, stride, work)
+            meet(x0, y0, P0, P1, P2, turn, rays, work)
+            for n in range(find_late( work)):
+                lane = int(work[ec.LANE + n])
+                x, y = x0 + lane % ec.TILE_X, y0 + lane // ec.TILE_X
+                walk_on(
+                    x, y, lane, flat, stride, nodes, meta, grid, P0, P1, P2, turn, columns, rows, rays, work
                 )  # fmt: skip
-                lane = int(late[LANE + n])
-                work[STATE + lane] = HIT if i >= 0 else ENDS
-                work[T + lane], work[T1 + lane], work[F + lane], work[F1 + lane] = t0, t1, f0, f1
-                work[BEND + lane], work[CI + lane], work[CJ + lane] = bend, i, j
-            meet(count, work)
-            enter_hits(x0, y0, x1 - x0, y1 - y0, columns, base, work, depth, ids)
+            enter_hits(x0, y0, x1 - x0, y1 - y0, stride, base, rays, work, depth, ids)
 
 
 @fused
-def enter_hits(x0, y0, wide, high, columns, base, work, depth, ids):
+def enter_hits(x0, y0, wide, high, stride, base, rays, work, depth, ids):
     # a hit replaces another when it is nearer, or as near with a lesser number
     for row in range(high):
-        y, start = y0 + row, row * wide
+        y, start = y0 + row, row * ec.TILE_X
         for k in range(wide):
-            t, x = np.float32(work[T + start + k]), x0 + k
-            number = np.uint32(base + np.int64(work[CJ + start + k] * columns + work[CI + start + k]))
-            if t < depth[y, x] or (t == depth[y, x] and t < np.inf and number < ids[y, x]):
-                depth[y, x], ids[y, x] = t, number
+            t, x = np.float32(rays[HIT + start + k]), x0 + k
+            cell = np.int64(work[ec.J + start + k]) * (stride - 1) + np.int64(work[ec.I + start + k])
+            number = np.uint32(base + cell)
+            before, other = depth[y, x], ids[y, x]
+            nearer = (t < before) | ((t == before) & (t < np.inf) & (number < other))
+            depth[y, x], ids[y, x] = t if nearer else before, number if nearer else other
 
 
 @fused
