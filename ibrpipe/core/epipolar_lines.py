@@ -33,12 +33,14 @@ EDGE, WIDTH = 19, 20
 OVER, UNDER = 21, 24
 #: is the sector in use; sign of P_q
 USED, OUTWARD = 27, 28
-SECTOR_SIZE = 29
+#: columns of blocks, in walking order, that rays of the sector can meet: first, and one past the last
+FROM, TO = 29, 30
+SECTOR_SIZE = 31
 #: least share of the way to the far column at which a column is still told from the epipole
 NEAREST = 1e-12
 
 
-def lay_lines(start, turn, pixels, cells, size, spacing, finest, coarseness):
+def lay_lines(start, turn, pixels, cells, size, spacing, finest, coarseness, depths=(-math.inf, math.inf)):
     """Return (sectors (4, SECTOR_SIZE) f64, edges (4, 4, n) f64, entries) of one field and camera.
 
     Parameters
@@ -55,6 +57,8 @@ def lay_lines(start, turn, pixels, cells, size, spacing, finest, coarseness):
         Least width of a line in the reference, cells.
     coarseness : float
         Blocks are at most this many times as wide as lines.
+    depths : (least, greatest)
+        Depths d that the field has.
 
     Returns
     -------
@@ -69,7 +73,7 @@ def lay_lines(start, turn, pixels, cells, size, spacing, finest, coarseness):
     for number in range(4):
         axis, sign = number >> 1, -1.0 if number & 1 else 1.0
         own = sectors[number]
-        if _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, finest, coarseness):
+        if _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, finest, coarseness, depths):
             own[FIRST] = entries
             entries += int(own[LINES] * own[BINS])
             edges.append(_column_edges(own, _turned(start, axis, sign, cells)))
@@ -88,7 +92,7 @@ def _turned(values, axis, sign, cells):
     return np.stack([along, values[1 - axis], values[2], values[3]])
 
 
-def _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, finest, coarseness):
+def _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, finest, coarseness, depths):
     """Fill one sector; False where no pixel lies in it or no ray of it can meet the field."""
     P, Q = _turned(start, axis, sign, cells), _turned(turn, axis, sign, cells)
     length, breadth = float(cells[axis]), float(cells[1 - axis])
@@ -124,6 +128,7 @@ def _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, fine
     top = (int(max(cells)) - 1).bit_length()  # one block holds all cells there
     own[LEVEL] = min(math.floor(math.log2(max(coarseness * width, 1.0))), top)
     _number_bins(own, region, slopes, pixels, far)
+    own[FROM], own[TO] = _reach_columns(P, Q, region, length, depths, 2.0 ** own[LEVEL])
     own[USED] = 1.0
     return True
 
@@ -140,6 +145,24 @@ def _clip(corners, line):
         if sides[n] >= 0.0:
             kept.append((x, y))
     return kept
+
+
+def _reach_columns(P, Q, corners, length, depths, block):
+    """Return the first column of blocks, and one past the last, that rays through a polygon of the picture can meet."""
+    first, last, blocks = 0.0, length, math.ceil(length / block)
+    if P[3] == 1.0 and not Q[3].any() and math.isfinite(depths[0]):
+        first, rays = max(first, P[0]), [(_at(Q[0], p), _at(Q[2], p)) for p in corners]
+        for depth, way in ((depths[0], 1.0), (depths[1], -1.0)):
+            if way * (depth - P[2]) > 0.0:  # the eye is beyond this bound, and rays enter by it
+                entries = [P[0] + (depth - P[2]) / d * along for along, d in rays if way * d > 0.0]
+                first = max(first, min(entries, default=length))
+            if way * (depth - P[2]) < 0.0 and all(way * d < 0.0 for _, d in rays):  # rays end at it
+                last = min(last, max(P[0] + (depth - P[2]) / d * along for along, d in rays))
+    return max(math.floor(first / block - 0.01), 0.0), min(math.floor(last / block + 0.01) + 1.0, float(blocks))
+
+
+def _at(row, place):
+    return row[0] * place[0] + row[1] * place[1] + row[2]
 
 
 def _number_bins(own, region, slopes, pixels, far):

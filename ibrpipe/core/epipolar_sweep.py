@@ -141,8 +141,8 @@ def sweep_line(line, number, sectors, edges, nodes, meta, grid, work, table):
     low, high, first, last = np.inf, -np.inf, bins, -1
     if backward:
         base, along_step = base + (columns - 1) * along_step, -along_step
-    for start in range(0, columns, CHUNK):
-        count = min(CHUNK, columns - start)
+    for start in range(max(int(sector[el.FROM]), 0), int(sector[el.TO]), CHUNK):
+        count = min(CHUNK, int(sector[el.TO]) - start)
         bound_columns(number, start, count, left, right, 1.0 / size, float(breadth), edges, work)
         gather_bounds(start, count, base, along_step, across_step, nodes, work)
         low, high = bound_depths(number, start, count, edges, low, high, grid, work)

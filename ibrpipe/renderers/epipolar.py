@@ -182,7 +182,7 @@ def sweep_map(
     start, turn = one.field.place.rays(camera)
     sectors, edges, entries = epipolar_lines.lay_lines(
         start, turn, one.field.place.pixels(camera), (one.box[0], one.box[1]), (camera.width, camera.height),
-        spacing, finest, coarseness,
+        spacing, finest, coarseness, (one.box[2], one.box[3]),
     )  # fmt: skip
     table = np.full(entries, np.inf, np.float32)
     table[0] = -np.inf
