@@ -5,15 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from time import perf_counter
 
-from ibrpipe.bench.contenders import Contender
-from ibrpipe.bench.speed_results import Growth, Score, WorkFacts
+from ibrpipe.bench.contenders import Contender, all_contenders
+from ibrpipe.bench.settings import Setting
+from ibrpipe.bench.size_results import GrowthModel
+from ibrpipe.bench.speed_results import ContenderFacts, Growth, Score, WorkFacts
 from ibrpipe.bench.timing import interleave, slope
 from ibrpipe.bench.workloads import height_field, region_views
 from ibrpipe.progress import track
+from ibrpipe.stages.machine import describe_machine
 
 #: most frames from which the fastest is taken
 FRAMES = 40
+#: greatest factor per doubling of both sizes that counts as O(n^2)
+MOST = 4.6
 
 
 def grow_texels(scores: Sequence[Score], works: Sequence[WorkFacts]) -> list[Growth]:
@@ -45,6 +51,20 @@ def grow_regions(contenders: Sequence[Contender], sizes: Sequence[int], seconds:
     """Return the same curves for the nine regions of the epipole; peers left out, whose time knows no epipole."""
     ours = [contender for contender in contenders if contender.renderer != "peer"]
     return _grow(ours, sizes, seconds, {f"epipole {name}": name for name in region_views(4)})
+
+
+def run_growth(settings: Sequence[Setting], sizes: Sequence[int], seconds: float) -> GrowthModel:
+    """Measure growth for each region of the epipole: the first setting of every renderer that is among `settings`."""
+    began = perf_counter()
+    ours = [each for each in all_contenders(settings, False) if each.renderer != "peer" and each.main]
+    curves = grow_regions(ours, sizes, seconds)
+    facts = [
+        ContenderFacts(label=c.label, renderer=c.renderer, what=c.what, options=dict(c.options), main=c.main)
+        for c in ours
+    ]
+    return GrowthModel(
+        machine=describe_machine(), contenders=facts, growth=curves, most=MOST, seconds=perf_counter() - began
+    )
 
 
 def _grow(

@@ -6,15 +6,21 @@ Maps and picture are of the same size, as in the paper; the growth per doubling 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from statistics import median
+from dataclasses import dataclass, field
+from functools import partial
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from ibrpipe.bench.size_results import Skipped, Table2Model, Table2Row
+from ibrpipe.bench.timing import interleave
+from ibrpipe.core.color import srgb_encode
+from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.stages.depth_images import Frustum, cube_frusta, depth_images_asset, greedy_frusta
-from ibrpipe.types import Camera, Mesh
+from ibrpipe.stages.machine import describe_machine
+from ibrpipe.types import Array, Camera, Mesh
 
 #: seconds of the paper, 250 MHz R10000
 PAPER = {
@@ -22,6 +28,23 @@ PAPER = {
     "globe": {128: 0.0523, 256: 0.2911, 512: 0.8362},
     "dragon": {128: 0.0842, 256: 0.3218, 512: 1.2276},
 }
+
+
+@dataclass
+class Table2Run:
+    """What a run found.
+
+    Attributes
+    ----------
+    rows : list of Table2Row
+    pictures : dict of (model, search) to (H, W, 3) float
+        sRGB, of the greatest size.
+    model : Table2Model
+    """
+
+    rows: list[Table2Row] = field(default_factory=list)
+    pictures: dict[tuple[str, str], Array] = field(default_factory=dict)
+    model: Table2Model | None = None
 
 
 def torus(steps: int = 96) -> Mesh:
@@ -52,53 +75,66 @@ def _grid_faces(columns: int, rows: int, closed: bool = True) -> Any:
     return (faces if closed else faces[:, ::-1]).astype(np.int32)
 
 
-def run_table(
+def run_table2(
     sizes: Sequence[int] = (128, 256, 512),
     dragon: Mesh | None = None,
     searches: Sequence[str] = ("nearest", "exact"),
     repeats: int = 5,
-) -> list[dict[str, Any]]:
+) -> Table2Run:
     """Measure every model at every size.
 
-    Returns
-    -------
-    list of dict
-        ``model``, ``maps``, ``search``, ``size``, ``seconds`` (median), ``growth`` (over the size before, per
-        doubling), ``covered`` (share of the picture) and ``paper`` (seconds, None where the paper has none).
+    Parameters
+    ----------
+    sizes : sequence of int
+        Texels of the maps and pixels of the picture along a side, ascending.
+    dragon : Mesh, optional
+        The third model; without it, it is left out.
+    searches : sequence of str
+        Searches of renderer ``epipolar``.
+    repeats : int
+        Timed frames, of which the median counts.
     """
+    began = perf_counter()
     models: list[tuple[str, Mesh, Sequence[Frustum]]] = []
     for name, mesh in (("torus", torus()), ("globe", globe())):
         models.append((name, mesh, cube_frusta(mesh)))
     if dragon is not None:
         models.append(("dragon", dragon, greedy_frusta(dragon, 16)[0]))
-    rows: list[dict[str, Any]] = []
-    for name, mesh, frusta in models:
-        for search in searches:
-            rows += _measure(name, mesh, frusta, search, sizes, repeats)
-    return rows
+    run = Table2Run()
+    for (name, mesh, frusta), size in track([(model, size) for model in models for size in sizes], "table 2"):
+        run.rows += _measure(name, mesh, frusta, searches, size, repeats, run)
+    run.rows.sort(key=lambda row: ([name for name, *_ in models].index(row.model), searches.index(row.search)))
+    skipped = [] if dragon is not None else [Skipped(model="dragon", reason="no mesh was given; name one with --mesh")]
+    run.model = Table2Model(machine=describe_machine(), rows=run.rows, skipped=skipped, seconds=perf_counter() - began)
+    return run
 
 
 def _measure(
-    name: str, mesh: Mesh, frusta: Sequence[Frustum], search: str, sizes: Sequence[int], repeats: int
-) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = []
+    name: str, mesh: Mesh, frusta: Sequence[Frustum], searches: Sequence[str], size: int, repeats: int, run: Table2Run
+) -> list[Table2Row]:
+    """Time all searches on one model at one size, in turns."""
     middle = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
     radius = float(np.linalg.norm(mesh.vertices - middle, axis=1).max())
-    for size in sizes:
-        prepared = prepare(depth_images_asset(mesh, frusta, size, name), "epipolar")
-        camera = Camera.look_at(
-            middle + radius * np.array([1.9, -1.6, 1.2]), middle, fov_y_deg=44, width=size, height=size
-        )
-        frame = render(prepared, camera, "epipolar", search=search)
-        seconds = []
-        for _ in range(repeats):
-            began = perf_counter()
-            render(prepared, camera, "epipolar", search=search)
-            seconds.append(perf_counter() - began)
-        here = {"model": name, "maps": len(frusta), "search": search, "size": size, "seconds": median(seconds)}
-        doublings = np.log2(size / rows[-1]["size"]) if rows else 0.0
-        here["growth"] = (here["seconds"] / rows[-1]["seconds"]) ** (1 / doublings) if rows else None
-        here["covered"] = float(np.mean([] if frame.depth is None else np.isfinite(frame.depth)))
-        here["paper"] = PAPER.get(name, {}).get(size)
-        rows.append(here)
+    prepared = prepare(depth_images_asset(mesh, frusta, size, name), "epipolar")
+    eye = middle + radius * np.array([1.9, -1.6, 1.2])
+    camera = Camera.look_at(eye, middle, fov_y_deg=44, width=size, height=size)
+    draws = {search: partial(render, prepared, camera, "epipolar", search=search) for search in searches}
+    frames = {search: draw() for search, draw in draws.items()}
+    times = interleave(draws, repeats, np.inf)
+    rows = []
+    for search, frame in frames.items():
+        assert frame.depth is not None
+        assert frame.color is not None
+        before = [row for row in run.rows if (row.model, row.search) == (name, search)]
+        taken = times[search].median
+        factor = (taken / before[-1].milliseconds) ** (1 / np.log2(size / before[-1].size)) if before else None
+        covered = float(np.mean(np.isfinite(frame.depth)))
+        paper = PAPER.get(name, {}).get(size)
+        rows.append(
+            Table2Row(
+                model=name, maps=len(frusta), search=search, size=size, milliseconds=taken, growth=factor,
+                covered=covered, paper=1e3 * paper if paper else None,
+            )
+        )  # fmt: skip
+        run.pictures[name, search] = srgb_encode(np.nan_to_num(frame.color).astype(np.float64).clip(0, 1))
     return rows

@@ -111,6 +111,99 @@ def speed_error(out: Path, renderers: tuple[str, ...], mesh: Path | None, quick:
 speed_error.params.append(json_option)
 
 
+@command.command(
+    name="table2",
+    epilog=example("ibrpipe bench table2 --out bench", "ibrpipe bench table2 --mesh dragon.ply"),
+)
+@click.option("--out", type=PATH, metavar="DIR", default="bench", show_default=True, help="Folder to write.")
+@click.option("--mesh", type=PATH, metavar="PATH", help="The dragon: PLY, OBJ, GLB/glTF or STL. Left out without.")
+@click.option("--sizes", default="128,256,512", show_default=True, metavar="N,N,…", help="Texels and pixels a side.")
+def table2(out: Path, mesh: Path | None, sizes: str, as_json: bool) -> None:
+    """Time table 2 of schaufler1999 again: torus and globe (6 maps each), and a mesh of yours (16 maps).
+
+    Maps and picture are of the same size; writes table2.json and table2.html with the growth per doubling. Takes under
+    two minutes on two cores.
+    """
+    from ibrpipe.bench.report import write_table2_page
+    from ibrpipe.bench.table2 import run_table2
+    from ibrpipe.io.manifest import write_json
+    from ibrpipe.io.meshes import read_mesh
+
+    chosen = _sizes(sizes)
+    given = read_mesh(mesh) if mesh else None
+    out.mkdir(parents=True, exist_ok=True)
+    with display():
+        run = run_table2(chosen, given)
+    assert run.model is not None
+    write_json(out / "table2.json", run.model.model_dump(mode="json"))
+    write_table2_page(out / "table2.html", run)
+    if as_json:
+        click.echo(json.dumps(run.model.model_dump(mode="json"), indent=2))
+        return
+    print_table(facts_table("milliseconds (growth per doubling)", _table2_lines(run.model)))
+    click.echo(f"report: {(out / 'table2.html').resolve()}")
+
+
+table2.params.append(json_option)
+
+
+@command.command(
+    name="growth",
+    epilog=example("ibrpipe bench growth --out bench", "ibrpipe bench growth --renderers epipolar --renderers ldi"),
+)
+@click.option("--out", type=PATH, metavar="DIR", default="bench", show_default=True, help="Folder to write.")
+@click.option(
+    "--renderers", multiple=True, metavar="NAME", default=("epipolar",), show_default=True,
+    help="A renderer or one of its settings; may be given several times.",
+)  # fmt: skip
+@click.option("--sizes", default="128,256,512,1024,2048", show_default=True, metavar="N,N,…", help="Texels a side.")
+def growth(out: Path, renderers: tuple[str, ...], sizes: str, as_json: bool) -> None:
+    """Time against size for each of the nine regions of the epipole: n x n texels in a picture of n x n pixels.
+
+    Writes growth.json and growth.html with the slopes. Takes about a minute on two cores.
+    """
+    from ibrpipe.bench.growth import run_growth
+    from ibrpipe.bench.report import write_growth_page
+    from ibrpipe.bench.settings import choose_settings
+    from ibrpipe.io.manifest import write_json
+
+    chosen, settings = _sizes(sizes), choose_settings(renderers)
+    out.mkdir(parents=True, exist_ok=True)
+    with display():
+        model = run_growth(settings, chosen, 1.0)
+    write_json(out / "growth.json", model.model_dump(mode="json"))
+    write_growth_page(out / "growth.html", model)
+    if as_json:
+        click.echo(json.dumps(model.model_dump(mode="json"), indent=2))
+        return
+    lines = {f"{c.contender}, {c.series}": " ".join(f"{x:.2f}" for x in c.doublings) for c in model.growth}
+    print_table(facts_table(f"factor per doubling (at most {model.most} is O(n^2))", lines))
+    click.echo(f"report: {(out / 'growth.html').resolve()}")
+
+
+growth.params.append(json_option)
+
+
+def _sizes(text: str) -> list[int]:
+    """Return the sizes of ``128,256``; a usage error where they are no ascending numbers of at least 8."""
+    try:
+        sizes = [int(part) for part in text.split(",")]
+    except ValueError:
+        sizes = []
+    if not sizes or min(sizes) < 8 or sizes != sorted(set(sizes)):
+        raise click.UsageError(f"--sizes is {text!r}; give ascending whole numbers of at least 8, such as 128,256,512")
+    return sizes
+
+
+def _table2_lines(model: Any) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for row in model.rows:
+        name = f"{row.model}, {row.maps} maps, {row.search}"
+        factor = f" ({row.growth:.2f})" if row.growth else ""
+        found[name] = f"{found.get(name, '')}  {row.size}: {row.milliseconds:.1f}{factor}".strip()
+    return found | {each.model: f"left out: {each.reason}" for each in model.skipped}
+
+
 def _winners(model: Any) -> dict[str, str]:
     from ibrpipe.bench.report.speed_page import summary
 

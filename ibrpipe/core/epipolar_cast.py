@@ -30,7 +30,10 @@ RAYS = ec.LANES * 6
 PASSES = 3.0
 #: bounds of float32 directions, and by how much the end of a ray is moved out
 STEEP, INVERSE, BEYOND, LEAST = 1e20, 1e30, 1.000001, 1e-19
-#: rounding of float32 in heights and in places, see `doubt`
+#: level of the blocks of cells that are passed at once; blocks before the first cells (where lines were swept over blocks
+#: of COARSE or above), and before the cells of every later round
+BLOCK_LEVEL, FIRST_BLOCKS, LATE_BLOCKS, COARSE = 2, 2, 1, 2.0
+#: rounding of float32
 EPSILON = 2.0**-23
 
 
@@ -124,7 +127,7 @@ def enter_cells(x0, y0, P0, P1, P2, turn, columns, rows, steepest, rays, work):
             work[ec.AU + n], work[ec.AV + n] = au, av
             work[ec.U0 + n], work[ec.V0 + n], work[ec.D0 + n] = u - i, v - j, P2 + t * q2
             work[ec.END + n], work[ec.S + n] = (far - t) * speed * BEYOND + LEAST, 0.0
-            work[ec.I + n], work[ec.J + n], work[ec.I0 + n], work[ec.J0 + n] = i, j, i, j
+            work[ec.CI + n], work[ec.CJ + n], work[ec.BI + n], work[ec.BJ + n] = i, j, i, j
             work[ec.STATE + n] = ec.GOES_ON if t <= far else ec.ENDS
             going += 1 if t <= far else 0
     return going
@@ -164,15 +167,15 @@ def meet(x0, y0, P0, P1, P2, turn, rays, work):
         for k in range(ec.TILE_X):
             px, n = x0 + k + 0.5, start + k
             q0, q1, q2, i0, i1 = q00 * px + a0, q10 * px + a1, q20 * px + a2, rays[INV0 + n], rays[INV1 + n]
-            i, j, t0, t1 = np.float64(work[ec.I + n]), np.float64(work[ec.J + n]), rays[NEAR + n], rays[FAR + n]
+            i, j, t0, t1 = np.float64(work[ec.CI + n]), np.float64(work[ec.CJ + n]), rays[NEAR + n], rays[FAR + n]
             a, b = np.float64(work[ec.A + n]), np.float64(work[ec.B + n])
             c, e = np.float64(work[ec.C + n]), np.float64(work[ec.E + n])
             near0, far0 = (i - P0) * i0, (i + 1.0 - P0) * i0
             near1, far1 = (j - P1) * i1, (j + 1.0 - P1) * i1
             near0, far0 = (near0, far0) if i0 > 0.0 else (far0, near0)
             near1, far1 = (near1, far1) if i1 > 0.0 else (far1, near1)
-            near0 = near0 if work[ec.I + n] != work[ec.I0 + n] else t0
-            near1 = near1 if work[ec.J + n] != work[ec.J0 + n] else t0
+            near0 = near0 if work[ec.CI + n] != work[ec.BI + n] else t0
+            near1 = near1 if work[ec.CJ + n] != work[ec.BJ + n] else t0
             t0 = t0 if t0 > near0 else near0
             t0 = t0 if t0 > near1 else near1
             t1 = t1 if t1 < far0 else far0
@@ -193,7 +196,7 @@ def meet(x0, y0, P0, P1, P2, turn, rays, work):
 
 
 @fused
-def find_late( work):
+def find_late(work):
     # list the rays that are not done -> how many they are
     kept = 0
     for n in range(ec.LANES):
@@ -205,19 +208,35 @@ def find_late( work):
 @fused
 def walk_on(x, y, lane, flat, stride, nodes, meta, grid, P0, P1, P2, turn, columns, rows, rays, work):
     # walk the ray of one pixel on from its cell
-    px, py, i0, i1, near, far = x + 0.5, y + 0.5, rays[INV0 + lane], rays[INV1 + lane], rays[NEAR + lane], rays[FAR + lane]
+    px, py, i0, i1, near, far = (
+        x + 0.5,
+        y + 0.5,
+        rays[INV0 + lane],
+        rays[INV1 + lane],
+        rays[NEAR + lane],
+        rays[FAR + lane],
+    )
     q0, q1 = turn[0, 0] * px + turn[0, 1] * py + turn[0, 2], turn[1, 0] * px + turn[1, 1] * py + turn[1, 2]
-    q2, i, j = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2], int(work[ec.I + lane]), int(work[ec.J + lane])
+    q2, i, j = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2], int(work[ec.CI + lane]), int(work[ec.CJ + lane])
     t0, t1 = near, min(far, max((i - P0) * i0, (i + 1 - P0) * i0), max((j - P1) * i1, (j + 1 - P1) * i1))
-    if work[ec.I + lane] != work[ec.I0 + lane]:
+    if work[ec.CI + lane] != work[ec.BI + lane]:
         t0 = max(t0, min((i - P0) * i0, (i + 1 - P0) * i0))
-    if work[ec.J + lane] != work[ec.J0 + lane]:
+    if work[ec.CJ + lane] != work[ec.BJ + lane]:
         t0 = max(t0, min((j - P1) * i1, (j + 1 - P1) * i1))
     t0, t1, f0, f1, bend, i, j = walk(
         flat, stride, nodes, meta, grid, P0, P1, P2, q0, q1, q2, i0, i1, min(t0, t1), far, np.nan, i, j, columns, rows
     )  # fmt: skip
     if i >= 0:
-        rays[HIT + lane], work[ec.I + lane], work[ec.J + lane] = hit_between(t0, t1, f0, f1, bend), i, j
+        rays[HIT + lane], work[ec.CI + lane], work[ec.CJ + lane] = hit_between(t0, t1, f0, f1, bend), i, j
+
+
+@fused
+def max_level(sectors):
+    # greatest level of blocks that lines were swept over
+    most = 0.0
+    for number in range(4):
+        most = max(most, sectors[number, el.LEVEL])
+    return most
 
 
 @kernel
@@ -235,7 +254,11 @@ def cast_heights(flat, stride, nodes, meta, grid, start, turn, box, eye, sectors
         columns, rows = box[0], box[1]
         columns_32, rows_32 = np.float32(columns), np.float32(rows)
         range_, most = box[3] - box[2], max(abs(box[2]), abs(box[3]))
-        doubt, steepest = np.float32(EPSILON * (8.0 * most + 128.0 * range_)), STEEP * range_
+        doubt, steepest = np.float32(EPSILON * (8.0 * most + 512.0 * range_)), STEEP * range_
+        level = min(BLOCK_LEVEL, len(meta) - 1)
+        first, block_stride, size = meta[level, 0], meta[level, 1], np.float32(2**level)
+        low, step = np.float32(grid[0]), np.float32(grid[1])
+        first_blocks = FIRST_BLOCKS if max_level(sectors) >= COARSE else 0
         for tile in range(np.int64(part), tiles_x * tiles_y, parts):
             y0, x0 = (tile // tiles_x) * ec.TILE_Y, (tile % tiles_x) * ec.TILE_X
             y1, x1 = min(y0 + ec.TILE_Y, picture_rows), min(x0 + ec.TILE_X, picture_columns)
@@ -248,14 +271,22 @@ def cast_heights(flat, stride, nodes, meta, grid, start, turn, box, eye, sectors
                     look_up(number, sectors, along, x0, y0, table, rays)
             if enter_cells(x0, y0, P0, P1, P2, turn, columns, rows, steepest, rays, work) == 0:
                 continue
+            for _ in range(first_blocks):
+                ec.cross_blocks(
+                    ec.LANES, nodes, first, block_stride, size, low, step, columns_32, rows_32, doubt, work
+                )  # fmt: skip
             ec.advance(ec.LANES, flat, stride, columns_32, rows_32, doubt, work)
             going, passed = ec.leave_behind(ec.LANES, work, late), ec.STRIDE
             while going > 0 and passed < ec.PATIENCE:
+                for _ in range(LATE_BLOCKS):
+                    ec.cross_blocks(
+                        going, nodes, first, block_stride, size, low, step, columns_32, rows_32, doubt, late
+                    )  # fmt: skip
                 ec.advance(going, flat, stride, columns_32, rows_32, doubt, late)
                 going, passed = ec.bring_back(going, late, work), passed + ec.STRIDE
             ec.gather_heights(ec.LANES, flat, stride, work)
             meet(x0, y0, P0, P1, P2, turn, rays, work)
-            for n in range(find_late( work)):
+            for n in range(find_late(work)):
                 lane = int(work[ec.LANE + n])
                 x, y = x0 + lane % ec.TILE_X, y0 + lane // ec.TILE_X
                 walk_on(
@@ -271,7 +302,7 @@ def enter_hits(x0, y0, wide, high, stride, base, rays, work, depth, ids):
         y, start = y0 + row, row * ec.TILE_X
         for k in range(wide):
             t, x = np.float32(rays[HIT + start + k]), x0 + k
-            cell = np.int64(work[ec.J + start + k]) * (stride - 1) + np.int64(work[ec.I + start + k])
+            cell = np.int64(work[ec.CJ + start + k]) * (stride - 1) + np.int64(work[ec.CI + start + k])
             number = np.uint32(base + cell)
             before, other = depth[y, x], ids[y, x]
             nearer = (t < before) | ((t == before) & (t < np.inf) & (number < other))

@@ -2,7 +2,7 @@
 
 Cells are bilinear patches of the heights at their corners. Along a ray the height above a patch is a quadratic, of
 which the walk needs its two ends and its bend. A ray stops at the first cell in which it comes as near to the surface
-as `doubt`, which is more than the rounding of float32 can amount to over PATIENCE cells; whether it is hit there is
+as `doubt`, which is more than the rounding of float32 can amount to over PATIENCE cells and the blocks between them; whether it is hit there is
 decided in float64 (:mod:`ibrpipe.core.epipolar_cast`). So no hit is passed over, and loops have no branches.
 
 Symbols: s way along the ray since its start, in cells; (u, v, d) = (U0, V0, D0) + s (DU, DV, DD), u and v from the
@@ -20,9 +20,9 @@ from ibrpipe.core.jit import fused
 TILE_X, TILE_Y = 32, 8
 LANES = TILE_X * TILE_Y
 #: cells that rays are taken through before those that are done are left behind, and cells before they go one by one
-STRIDE, PATIENCE = 3, 24
+STRIDE, PATIENCE = 3, 48
 #: rows of the working memory, LANES numbers each: ray, its place, the cell it is in and the one it started in
-DU, DV, DD, AU, AV, U0, V0, D0, END, S, I, J, I0, J0, STATE = (LANES * n for n in range(15))
+DU, DV, DD, AU, AV, U0, V0, D0, END, S, CI, CJ, BI, BJ, STATE = (LANES * n for n in range(15))
 #: corners of its cell, which lane of the tile it is
 A, B, C, E, LANE = (LANES * n for n in range(15, 20))
 WORK = LANES * 20
@@ -34,10 +34,10 @@ GOES_ON, STOPS, ENDS = 0.0, 1.0, 2.0
 def gather_heights(count, flat, stride, work):
     # flat: heights; the four at the corners of every ray's cell
     for n in range(count):
-        cell = np.uint32(np.int32(work[J + n]) * np.int32(stride) + np.int32(work[I + n]))
+        cell = np.uint32(np.int32(work[CJ + n]) * np.int32(stride) + np.int32(work[CI + n]))
         work[A + n], work[B + n] = flat[cell], flat[cell + np.uint32(1)]
     for n in range(count):
-        cell = np.uint32((np.int32(work[J + n]) + np.int32(1)) * np.int32(stride) + np.int32(work[I + n]))
+        cell = np.uint32((np.int32(work[CJ + n]) + np.int32(1)) * np.int32(stride) + np.int32(work[CI + n]))
         work[C + n], work[E + n] = flat[cell], flat[cell + np.uint32(1)]
 
 
@@ -47,9 +47,9 @@ def cross_cells(count, columns, rows, doubt, work):
     zero, one, two, four = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(4.0)
     for n in range(count):
         du, dv, dd, au, av = work[DU + n], work[DV + n], work[DD + n], work[AU + n], work[AV + n]
-        i, j, s0, u0, v0, d0 = work[I + n], work[J + n], work[S + n], work[U0 + n], work[V0 + n], work[D0 + n]
+        i, j, s0, u0, v0, d0 = work[CI + n], work[CJ + n], work[S + n], work[U0 + n], work[V0 + n], work[D0 + n]
         a, b, c, e = work[A + n], work[B + n], work[C + n], work[E + n]
-        u0, v0 = u0 - (i - work[I0 + n]), v0 - (j - work[J0 + n])
+        u0, v0 = u0 - (i - work[BI + n]), v0 - (j - work[BJ + n])
         su, sv = ((one if au > zero else zero) - u0) * au, ((one if av > zero else zero) - v0) * av
         s1 = su if su < sv else sv
         end = work[END + n]
@@ -74,8 +74,46 @@ def cross_cells(count, columns, rows, doubt, work):
         work[STATE + n] = state if going else before
         going &= state == zero
         work[S + n] = s1 if going else s0
-        work[I + n] = next_i if going else i
-        work[J + n] = next_j if going else j
+        work[CI + n] = next_i if going else i
+        work[CJ + n] = next_j if going else j
+
+
+@fused
+def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, doubt, work):
+    # rays that pass above or below the block that they are in go on to where they leave it
+    # nodes: see quadtree, from `first` on, `stride` to a row; size (cells) of blocks; low, step: depths of their bounds
+    zero, one = np.float32(0.0), np.float32(1.0)
+    share = one / size
+    for n in range(count):
+        bi, bj = np.floor(work[CI + n] * share), np.floor(work[CJ + n] * share)
+        node = nodes[np.uint32(np.int32(bj) * np.int32(stride) + np.int32(bi) + np.int32(first))]
+        work[A + n], work[B + n] = np.float32(node & np.uint32(65535)), np.float32(node >> np.uint32(16))
+    for n in range(count):
+        du, dv, dd, au, av = work[DU + n], work[DV + n], work[DD + n], work[AU + n], work[AV + n]
+        i, j, s0, u0, v0, d0 = work[CI + n], work[CJ + n], work[S + n], work[U0 + n], work[V0 + n], work[D0 + n]
+        i0, j0, least, greatest = work[BI + n], work[BJ + n], low + work[A + n] * step, low + work[B + n] * step
+        left, upper = np.floor(i * share) * size, np.floor(j * share) * size
+        edge_i, edge_j = left + (size if au > zero else zero), upper + (size if av > zero else zero)
+        su, sv, end = (edge_i - i0 - u0) * au, (edge_j - j0 - v0) * av, work[END + n]
+        s1 = su if su < sv else sv
+        s1 = s1 if s1 < end else end
+        da, db = d0 + s0 * dd, d0 + s1 * dd
+        near, far = da if da < db else db, db if da < db else da
+        passes = (near > greatest + doubt) | (far < least - doubt) | (least > greatest)
+        passes &= work[STATE + n] == zero
+        in_i, in_j = np.floor(u0 + s1 * du) + i0, np.floor(v0 + s1 * dv) + j0
+        right, lower = left + size - one, upper + size - one
+        right, lower = right if right < columns - one else columns - one, lower if lower < rows - one else rows - one
+        in_i, in_j = in_i if in_i > left else left, in_j if in_j > upper else upper
+        in_i, in_j = in_i if in_i < right else right, in_j if in_j < lower else lower
+        next_i = (edge_i if au > zero else edge_i - one) if su < sv else in_i
+        next_j = in_j if su < sv else (edge_j if av > zero else edge_j - one)
+        ends = (s1 >= end) | (next_i < zero) | (next_j < zero) | (next_i >= columns) | (next_j >= rows)
+        work[STATE + n] = np.float32(ENDS) if passes & ends else work[STATE + n]
+        passes &= not ends
+        work[S + n] = s1 if passes else s0
+        work[CI + n] = next_i if passes else i
+        work[CJ + n] = next_j if passes else j
 
 
 @fused
@@ -98,8 +136,8 @@ def leave_behind(count, work, late):
         late[DU + k], late[DV + k], late[DD + k] = work[DU + n], work[DV + n], work[DD + n]
         late[AU + k], late[AV + k], late[END + k] = work[AU + n], work[AV + n], work[END + n]
         late[U0 + k], late[V0 + k], late[D0 + k] = work[U0 + n], work[V0 + n], work[D0 + n]
-        late[I + k], late[J + k], late[S + k] = work[I + n], work[J + n], work[S + n]
-        late[I0 + k], late[J0 + k] = work[I0 + n], work[J0 + n]
+        late[CI + k], late[CJ + k], late[S + k] = work[CI + n], work[CJ + n], work[S + n]
+        late[BI + k], late[BJ + k] = work[BI + n], work[BJ + n]
         late[STATE + k] = GOES_ON
     return kept
 
@@ -110,12 +148,12 @@ def bring_back(count, late, work):
     kept = 0
     for n in range(count):
         state, lane = late[STATE + n], np.uint32(late[LANE + n])
-        work[STATE + lane], work[I + lane], work[J + lane] = state, late[I + n], late[J + n]
+        work[STATE + lane], work[CI + lane], work[CJ + lane] = state, late[CI + n], late[CJ + n]
         late[DU + kept], late[DV + kept], late[DD + kept] = late[DU + n], late[DV + n], late[DD + n]
         late[AU + kept], late[AV + kept], late[END + kept] = late[AU + n], late[AV + n], late[END + n]
         late[U0 + kept], late[V0 + kept], late[D0 + kept] = late[U0 + n], late[V0 + n], late[D0 + n]
-        late[I + kept], late[J + kept], late[S + kept] = late[I + n], late[J + n], late[S + n]
-        late[I0 + kept], late[J0 + kept], late[LANE + kept] = late[I0 + n], late[J0 + n], late[LANE + n]
+        late[CI + kept], late[CJ + kept], late[S + kept] = late[CI + n], late[CJ + n], late[S + n]
+        late[BI + kept], late[BJ + kept], late[LANE + kept] = late[BI + n], late[BJ + n], late[LANE + n]
         late[STATE + kept] = state
         kept += 1 if state == GOES_ON else 0
     return kept

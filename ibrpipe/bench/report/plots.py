@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
+from ibrpipe.bench.size_results import Table2Row
 from ibrpipe.bench.speed_results import ContenderFacts, Growth, Score, SpeedErrorModel
 
 INK, MUTED, GRID = "#1d2329", "#5d6770", "#e4e4df"
@@ -71,8 +73,7 @@ def growth_plot(model: SpeedErrorModel, series: Sequence[str]) -> str:
         for curve in model.growth:
             if curve.series == name and len(curve.sizes) > 1:
                 color, marker = marks[curve.contender]
-                axes.plot(curve.sizes, curve.milliseconds, marker + "-", color=color, markersize=6, linewidth=1.5,
-                          markeredgecolor="white", markeredgewidth=0.6)  # fmt: skip
+                _curve(axes, list(zip(curve.sizes, curve.milliseconds)), color, marker)
                 shown.append(curve.contender)
         _squared(axes, [curve for curve in model.growth if curve.series == name])
         axes.set_title(name, fontsize=11, color=INK, loc="left")
@@ -86,13 +87,73 @@ def growth_plot(model: SpeedErrorModel, series: Sequence[str]) -> str:
     return _svg(figure)
 
 
+def table2_plot(rows: Sequence[Table2Row]) -> str:
+    """Draw milliseconds against size, a panel for each model: its searches, and the paper's own times in grey."""
+    models = list(dict.fromkeys(row.model for row in rows))
+    figure, panels, legend = _figure(1, max(2, len(models)), 3.4)
+    searches = list(dict.fromkeys(row.search for row in rows))
+    marks = {search: (COLORS[n % len(COLORS)], MARKERS[n]) for n, search in enumerate(searches)}
+    marks["paper"] = (PEER, "P")
+    for model, axes in zip(models, panels):
+        mine = [row for row in rows if row.model == model]
+        for search in searches:
+            points = [(row.size, row.milliseconds) for row in mine if row.search == search]
+            _curve(axes, points, *marks[search])
+        _curve(axes, sorted({(row.size, row.paper) for row in mine if row.paper}), *marks["paper"])
+        _slope_two(axes, [row.size for row in mine], min(row.milliseconds for row in mine if row.size == mine[-1].size))
+        axes.set_title(f"{model}, {mine[0].maps} maps", fontsize=11, color=INK, loc="left")
+        _log_sizes(axes)
+        _dress(axes)
+    for axes in panels[len(models) :]:
+        axes.set_visible(False)
+    figure.supxlabel("n: texels and pixels along a side", fontsize=10, color=MUTED, x=0.42)
+    figure.supylabel("milliseconds, median", fontsize=10, color=MUTED, x=0.005)
+    _legend(legend, marks, [*searches, "paper"])
+    return _svg(figure)
+
+
+def region_plot(curves: Sequence[Growth]) -> str:
+    """Draw the curves of one contender: time against size for every region of the epipole, and their slopes."""
+    figure, panels, legend = _figure(1, 2, 3.6)
+    marks = {}
+    for n, curve in enumerate(curves):
+        label = curve.series.removeprefix("epipole ")
+        marks[label] = (COLORS[n % len(COLORS)], MARKERS[n % len(MARKERS)])
+        _curve(panels[0], list(zip(curve.sizes, curve.milliseconds)), *marks[label])
+        middles = [(a * b) ** 0.5 for a, b in pairwise(curve.sizes)]
+        color, marker = marks[label]
+        panels[1].plot(middles, curve.doublings, marker + "-", color=color, markersize=6, linewidth=1.2)
+    _squared(panels[0], curves)
+    panels[1].axhline(4.0, linestyle=":", color=MUTED, linewidth=1.2)
+    panels[1].set_ylim(bottom=0)
+    for axes, title in zip(panels, (f"{curves[0].contender}: milliseconds", "factor at each doubling (dotted: n²)")):
+        axes.set_title(title, fontsize=11, color=INK, loc="left")
+    _log_sizes(panels[0])
+    panels[1].set_xscale("log", base=2)
+    panels[1].xaxis.set_major_formatter(lambda value, _: f"{value:.0f}")
+    for axes in panels:
+        _dress(axes)
+    figure.supxlabel("n: texels and pixels along a side", fontsize=10, color=MUTED, x=0.42)
+    _legend(legend, marks, list(marks))
+    return _svg(figure)
+
+
+def _curve(axes: Any, points: Sequence[tuple[float, float]], color: str, marker: str) -> None:
+    axes.plot([x for x, _ in points], [y for _, y in points], marker + "-", color=color, markersize=6, linewidth=1.5,
+              markeredgecolor="white", markeredgewidth=0.6)  # fmt: skip
+
+
+def _slope_two(axes: Any, sizes: Sequence[int], least: float) -> None:
+    sizes = sorted(set(sizes))
+    axes.plot(sizes, [0.6 * least * (n / sizes[-1]) ** 2 for n in sizes], ":", color=MUTED, linewidth=1.2)
+    axes.annotate("n²", (sizes[-1], 0.6 * least), (3, -2), textcoords="offset points", fontsize=9, color=MUTED)
+
+
 def _squared(axes: Any, curves: Sequence[Growth]) -> None:
     """Draw a dotted line of slope 2 below the curves: time that grows with the number of texels."""
     sizes = sorted({n for curve in curves for n in curve.sizes})
     if len(sizes) > 1:
-        least = min(time for curve in curves for time in curve.milliseconds[-1:])
-        axes.plot(sizes, [0.6 * least * (n / sizes[-1]) ** 2 for n in sizes], ":", color=MUTED, linewidth=1.2)
-        axes.annotate("n²", (sizes[-1], 0.6 * least), (3, -2), textcoords="offset points", fontsize=9, color=MUTED)
+        _slope_two(axes, sizes, min(time for curve in curves for time in curve.milliseconds[-1:]))
 
 
 def _log_sizes(axes: Any) -> None:
