@@ -30,8 +30,8 @@ RAYS = ec.LANES * 6
 PASSES = 3.0
 #: bounds of float32 directions, and by how much the end of a ray is moved out
 STEEP, INVERSE, BEYOND, LEAST = 1e20, 1e30, 1.000001, 1e-19
-#: level of the blocks of cells that are passed at once; blocks before the first cells (where lines were swept over blocks
-#: of COARSE or above), and before the cells of every later round
+#: level of the blocks of cells that are passed at once; blocks before the first cells (where lines were swept over
+#: blocks of COARSE or above), and before the cells of every later round
 BLOCK_LEVEL, FIRST_BLOCKS, LATE_BLOCKS, COARSE = 2, 2, 1, 2.0
 #: rounding of float32
 EPSILON = 2.0**-23

@@ -2,8 +2,9 @@
 
 Cells are bilinear patches of the heights at their corners. Along a ray the height above a patch is a quadratic, of
 which the walk needs its two ends and its bend. A ray stops at the first cell in which it comes as near to the surface
-as `doubt`, which is more than the rounding of float32 can amount to over PATIENCE cells and the blocks between them; whether it is hit there is
-decided in float64 (:mod:`ibrpipe.core.epipolar_cast`). So no hit is passed over, and loops have no branches.
+as `doubt`, which is more than the rounding of float32 can amount to over PATIENCE cells and the blocks between them;
+whether it is hit there is decided in float64 (:mod:`ibrpipe.core.epipolar_cast`). So no hit is passed over, and loops
+have no branches.
 
 Symbols: s way along the ray since its start, in cells; (u, v, d) = (U0, V0, D0) + s (DU, DV, DD), u and v from the
 start's cell (I0, J0) on; f0, f1 d - height at the ends of a cell's way; bend coefficient of the square when the way

@@ -1,4 +1,4 @@
-"""Placing depth images over a mesh, their file, their asset, and table 2 of the paper at small sizes."""
+"""Placing depth images over a mesh, their file, and their asset."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import yaml
 from click.testing import CliRunner
 
 import ibrpipe
-from ibrpipe.bench.table2 import globe, run_table2, torus
+from ibrpipe.bench.table2 import globe, torus
 from ibrpipe.cli.main import cli
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import ConfigError
@@ -86,16 +86,3 @@ def test_frusta_survive_their_file():
     assert frusta_from_entries(yaml.safe_load(yaml.safe_dump(entries_from_frusta(frusta)))) == frusta
     with pytest.raises(ConfigError, match="zoom"):
         frusta_from_entries([{**entries_from_frusta(frusta)[0], "zoom": 2}])
-
-
-def test_table_two_has_a_row_per_model_size_and_search():
-    run = run_table2(sizes=(16, 32), searches=("nearest", "exact"), repeats=1)
-    rows = run.rows
-    assert [(r.model, r.search, r.size) for r in rows[:4]] == [
-        ("torus", "nearest", 16), ("torus", "nearest", 32), ("torus", "exact", 16), ("torus", "exact", 32),
-    ]  # fmt: skip
-    assert len(rows) == 8
-    assert all(row.maps == 6 and row.covered > 0.2 and row.milliseconds > 0 for row in rows)
-    assert rows[0].growth is None
-    assert rows[1].growth > 0
-    assert [each.model for each in run.model.skipped] == ["dragon"]
