@@ -23,19 +23,21 @@ def test_table2_measures_every_model_at_every_size_and_writes_a_page(folder):
     arguments = ["bench", "table2", "--sizes", "16,32", "--mesh", str(folder / "ring.ply"), "--out", str(folder)]
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 0, result.output
-    assert "dragon, 16 maps, nearest" in result.output
+    assert "dragon, " in result.output
     model = Table2Model.model_validate(json.loads((folder / "table2.json").read_text()))
-    assert [(row.model, row.maps, row.search, row.size) for row in model.rows] == [
-        (name, maps, search, size)
-        for name, maps in (("torus", 6), ("globe", 6), ("dragon", 16))
+    assert [(row.model, row.search, row.size) for row in model.rows] == [
+        (name, search, size)
+        for name in ("torus", "globe", "dragon")
         for search in ("nearest", "exact")
         for size in (16, 32)
     ]
+    assert {row.maps for row in model.rows if row.model != "dragon"} == {6}
+    assert 1 < model.rows[-1].maps <= 16  # as many as add surface
     assert all(row.covered > 0.2 and row.milliseconds > 0 for row in model.rows)
     assert [row.growth is None for row in model.rows[:2]] == [True, False]
     assert model.skipped == []
     page = (folder / "table2.html").read_text()
-    assert "dragon, 16 maps" in page
+    assert "dragon, " in page
     assert "<script" not in page
 
 
