@@ -127,7 +127,8 @@ SPLATS = Limit(
 )  # fmt: skip
 
 SETTINGS: tuple[Setting, ...] = (
-    Setting("ldi", "ldi", {"search": "patches"}),
+    Setting("ldi", "ldi"),
+    Setting("ldi", "ldi patches", {"search": "patches"}, quick=False),
     Setting("ldi", "ldi quadtree", {"search": "quadtree"}, quick=False),
     Setting("epipolar", "epipolar", {"search": "exact"}),
     Setting("epipolar", "epipolar nearest", {"search": "nearest"}, LINES, first_layer=True),

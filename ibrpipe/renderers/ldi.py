@@ -21,6 +21,7 @@ from ibrpipe.errors import RendererError
 from ibrpipe.renderers import residual_pass
 from ibrpipe.renderers.api import Prepared, Source
 from ibrpipe.renderers.api import prepare as prepare_source
+from ibrpipe.renderers.epipolar_maps import EYE, Map, cast_map, height_map
 from ibrpipe.renderers.fields import HeightField, PatchField, build_field
 from ibrpipe.renderers.patch_blocks import Blocks, pack_blocks
 from ibrpipe.renderers.pyramids import Sheet, build_sheets
@@ -28,11 +29,9 @@ from ibrpipe.types import Array, Camera, DepthImage, Frame, LayeredDepthImage, R
 
 Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
 
-SEARCHES = ("auto", "patches", "quadtree")
+SEARCHES = ("auto", "patches", "lines", "quadtree")
 #: cells or patches per pixel above which `auto` asks the rays rather than the patches
 CROWDED = 16
-#: depth that still belongs to the eye itself, where it touches a surface; share of a field's size
-EYE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +55,8 @@ class Scene:
     def bytes(self) -> int:
         """Bytes held beyond the sources."""
         fields = [field for _, field in self.patches] + [field for _, field, _ in self.heights]
-        return sum(field.bytes for field in fields) + (self.residuals.bytes if self.residuals else 0)
+        held = sum(field.bytes for field in fields) + sum(one.bytes for one in self.maps)
+        return held + (self.residuals.bytes if self.residuals else 0)
 
     @property
     def cells(self) -> int:
@@ -89,6 +89,12 @@ class Scene:
     def pictures(self) -> list[Array]:
         """Working memory of finished frames, for the next ones."""
         return []
+
+    @cached_property
+    def maps(self) -> tuple[Map, ...]:
+        """Height fields with the bounds of their blocks, for the search along lines."""
+        made = (height_map(field, base) for _, field, base in self.heights)
+        return tuple(one for one in made if one is not None)
 
     @cached_property
     def sheets(self) -> list[Sheet]:
@@ -197,8 +203,9 @@ def find_hits(scene: Scene, camera: Camera, search: str = "auto") -> Hits:
 
     Parameters
     ----------
-    search : {"auto", "patches", "quadtree"}
-        Project the patches, or walk every ray through the pyramids; both find the same hits.
+    search : {"auto", "patches", "lines", "quadtree"}
+        Project the patches, search height fields along whole epipolar lines (layered images are projected), or walk
+        every ray through the pyramids; all find the same hits. "auto" takes lines for height fields.
 
     Raises
     ------
@@ -208,7 +215,7 @@ def find_hits(scene: Scene, camera: Camera, search: str = "auto") -> Hits:
     if search not in SEARCHES:
         raise RendererError(f"search is {search!r}; choose among: {', '.join(SEARCHES)}")
     pixels = camera.width * camera.height
-    by_rays = search == "quadtree" or (search == "auto" and scene.cells > CROWDED * pixels)
+    by_rays = search == "quadtree" or (search == "auto" and int(scene.firsts[-1]) > CROWDED * pixels)
     if scene.patches and not by_rays:
         depth, ids = _project(scene, camera)
     else:
@@ -217,8 +224,11 @@ def find_hits(scene: Scene, camera: Camera, search: str = "auto") -> Hits:
     if by_rays:
         for sheet in scene.sheets:
             sheet.search(camera, depth, ids)
-    elif scene.heights:
+    elif search == "patches" and scene.heights:
         _project_heights(scene, camera, depth, ids)
+    else:
+        for one in scene.maps:
+            cast_map(one, camera, depth, ids)
     return Hits(depth, ids)
 
 

@@ -51,7 +51,7 @@ _RENDERERS = (
         accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Asset"),
         options={
             "residuals": "add the view-dependent residuals where a texture has them (default True)",
-            "search": "auto, patches or quadtree: how hits are found; both find the same (default auto)",
+            "search": "auto, patches, lines or quadtree: how hits are found; all find the same (default auto)",
             "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
         },
     ),

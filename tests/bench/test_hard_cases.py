@@ -20,7 +20,7 @@ from ibrpipe.cli.main import cli
 from ibrpipe.errors import ConfigError
 from ibrpipe.types import Frame
 
-LDI = ("ldi", "ldi quadtree")
+LDI = ("ldi", "ldi patches", "ldi quadtree")
 #: case -> (settings that are beyond their limits there, why); a cell that is mended must be taken out
 KNOWN = {
     "eye-ten-million-texels-away": (
@@ -94,7 +94,7 @@ def test_most_cases_put_surfaces_before_the_camera(everything):
 
 
 def test_fewer_bits_cost_what_half_a_step_says(everything):
-    for name in ("ldi", "ldi quadtree"):
+    for name in LDI:
         cells = {
             cell.bits: cell for cell in everything.cells if (cell.case, cell.setting) == ("bits-relief-tall", name)
         }

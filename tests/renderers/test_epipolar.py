@@ -9,7 +9,7 @@ from kernel_runs import on_all_thread_counts
 
 import ibrpipe
 from ibrpipe.core import epipolar_lines
-from ibrpipe.renderers import epipolar
+from ibrpipe.renderers import epipolar_maps
 from ibrpipe.types import Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture
 
 PLAIN = ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
@@ -179,7 +179,7 @@ def test_lines_wider_than_the_map(scale):
         target = np.array([7, 6 * scale, 0.5])
         camera = Camera.look_at(target + 6 * scale * np.array(ways), target, width=40, height=30)
         check(source, camera, flips=1.0)
-        sectors, _ = epipolar.sweep_map(ibrpipe.prepare(source, "epipolar").data.maps[0], camera)
+        sectors, _ = epipolar_maps.sweep_map(ibrpipe.prepare(source, "epipolar").data.maps[0], camera)
         assert (sectors[:, epipolar_lines.LEVEL] <= 4).all()  # 13 cells, 16, 8, 4, 2 and 1 blocks
 
 

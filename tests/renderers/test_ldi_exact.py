@@ -46,12 +46,12 @@ def middle(frame, shape, depth):
 
 
 def check(source, camera, flips=0.01, tight=2e-6):
-    """Both searches' depths lie between the hits of slightly larger and slightly smaller patches, at every pixel."""
+    """All searches' depths lie between the hits of slightly larger and slightly smaller patches, at every pixel."""
     larger, smaller = ldi_twin.cast(source, camera, 1e-6), ldi_twin.cast(source, camera, -1e-6)
     room = tight * np.where(np.isfinite(larger), larger, 0.0)
     same = np.isclose(larger, smaller, rtol=1e-5, atol=0)
     assert np.mean(~same) <= flips
-    for search in ("patches", "quadtree"):
+    for search in ("patches", "lines", "quadtree"):
         frame = ibrpipe.render(source, camera, search=search)
         got = frame.depth.astype(float)
         assert not np.isnan(got).any()
@@ -141,7 +141,7 @@ def test_hard_eyes(kind, eye, target):
     source = relief(PLAIN, hard_height(kind))
     larger, smaller = ldi_twin.cast(source, camera, 1e-6), ldi_twin.cast(source, camera, -1e-6)
     clear = np.isfinite(larger) & np.isclose(larger, smaller, rtol=1e-6, atol=0) & (larger > 1e-3)
-    for search in ("patches", "quadtree"):
+    for search in ("patches", "lines", "quadtree"):
         frame = ibrpipe.render(source, camera, search=search)
         assert not np.isnan(frame.depth).any()
         error = np.abs(frame.depth[clear] - larger[clear]) / larger[clear]

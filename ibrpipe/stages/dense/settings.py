@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import Field
 
 from ibrpipe.config import StageConfig
@@ -12,9 +10,6 @@ from ibrpipe.config import StageConfig
 class DepthConfig(StageConfig):
     """Settings of the depth maps."""
 
-    method: Literal["patchmatch", "sgbm"] = Field(
-        "patchmatch", description="patchmatch: slanted planes in all views; sgbm: rectified pairs, a fast draft"
-    )
     max_size: int = Field(
         1600, ge=64, le=8192, description="Longest side of a depth map in pixels; larger photos are shrunk"
     )
