@@ -89,7 +89,7 @@ def _cache_folder(path: str) -> str | None:
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
-    settings = {"fastmath": FAST_MATH, "error_model": "numpy", "nogil": True, **options}
+    settings = {"fastmath": FAST_MATH, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **options}
     folder = _cache_folder(os.path.abspath(function.__code__.co_filename))
     if folder is None:
         return numba.njit(**settings)(function)

@@ -87,14 +87,16 @@ def walk_back(links, sample, members):
 def find_group(links, sample, ring, members, other):
     # members (4,) i32 by ring position: the group that begins with `sample`, -1 = none; False if none begins there.
     # Chains run along the edges 0-1, 1-3, 3-2; the edge 0-2 joins two chains unless both have a sample of one corner
-    members[:] = -1
+    for n in range(4):
+        members[n] = -1
     if ring > 0 and links[(ring + 1) % 4, sample] >= 0:
         return False
     last = walk_on(links, sample, ring, members)
     if ring == 0 and last < 3 and links[1, sample] >= 0:
         first = walk_back(links, links[1, sample], other)
         if first > last:
-            members[first:] = other[first:]
+            for n in range(first, 4):  # assigning slices compiles numba's string functions
+                members[n] = other[n]
     if ring > 0 and last == 3 and links[3, members[3]] >= 0:
         return walk_on(links, links[3, members[3]], 0, other) >= ring
     return True
