@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import numba
 
-from ibrpipe.bench.cases import Case, Refusal, SpiralCase
+from ibrpipe.bench.cases import Case, MeshCase, Refusal, SpiralCase
 from ibrpipe.bench.cases.case import AnyCase
-from ibrpipe.bench.hard_frames import plain_cell, render_twice
-from ibrpipe.bench.hard_posed import Posed, count_samples, finite, from_meant, hold_limits
-from ibrpipe.bench.hard_results import CaseFacts, Cell, Figures, HardCasesModel, Limits, SettingFacts
+from ibrpipe.bench.hard_frames import WrongPixels, plain_cell, render_twice
+from ibrpipe.bench.hard_meshes import mesh_cells
+from ibrpipe.bench.hard_posed import Posed, count_samples, exceed, figures_of, from_meant, hold_limits
+from ibrpipe.bench.hard_results import CaseFacts, Cell, HardCasesModel, SettingFacts
 from ibrpipe.bench.hard_spirals import spiral_cells
-from ibrpipe.bench.measure import Errors, measure
+from ibrpipe.bench.measure import measure
 from ibrpipe.bench.settings import Setting
 from ibrpipe.errors import IbrError
 from ibrpipe.progress import track
 from ibrpipe.renderers.registry import find_renderer
 from ibrpipe.stages.machine import describe_machine
-from ibrpipe.types import Array
-
-
-@dataclass(frozen=True, eq=False)
-class WrongPixels:
-    """A frame with wrong pixels, to be shown: exact depth, rendered depth, and where they differ; all (H, W)."""
-
-    exact: Array
-    rendered: Array
-    wrong: Array
 
 
 @dataclass
@@ -55,6 +46,8 @@ def run_hard_cases(cases: Sequence[AnyCase], settings: Sequence[Setting]) -> Har
             cells.append(_refusal(case))
         elif isinstance(case, SpiralCase):
             cells += spiral_cells(case, settings)
+        elif isinstance(case, MeshCase):
+            cells += mesh_cells(case, settings, pictures)
         else:
             cells += _pictures(case, settings, pictures)
     model = HardCasesModel(
@@ -100,7 +93,7 @@ def _pictures(case: Case, settings: Sequence[Setting], pictures: dict[tuple[str,
 
 def _picture(case: Case, posed: Posed, setting: Setting, pictures: dict[tuple[str, str], WrongPixels]) -> Cell:
     kind, bits = type(posed.shot.source).__name__, posed.bits
-    if kind not in find_renderer(setting.renderer).accepts:
+    if kind not in find_renderer(setting.renderer).accepts or setting.meshes:
         return plain_cell(case, setting.label, bits, "not applicable", message=f"does not take a {kind}")
     made = render_twice(case, setting, bits, posed.shot.source, posed.shot.camera)
     if isinstance(made, Cell):
@@ -113,7 +106,7 @@ def _picture(case: Case, posed: Posed, setting: Setting, pictures: dict[tuple[st
     meant = from_meant(posed, surface, truth, frame)
     limit = setting.limit_for(case.name)
     limits = hold_limits(limit, posed, surface, truth, case.colors_tie)
-    failures = _beyond(errors, meant, limits)
+    failures = exceed(errors, meant, limits)
     if not same:
         failures.append("one thread and all threads gave different bytes")
     depth_bytes = posed.bits // 8 * count_samples(posed.shot.source)
@@ -126,39 +119,6 @@ def _picture(case: Case, posed: Posed, setting: Setting, pictures: dict[tuple[st
         message="",
         same_bytes=same,
         depth_bytes=depth_bytes,
-        figures=_figures(errors, meant),
+        figures=figures_of(errors, meant),
         limits=limits,
     )
-
-
-def _beyond(errors: Errors, meant: tuple[float, float] | None, limits: Limits) -> list[str]:
-    """Return what is beyond its limit, in words."""
-    found = []
-    if errors.nan:
-        found.append(f"{errors.nan} pixels hold NaN")
-    wrong = errors.wrong / max(errors.pixels, 1)
-    if limits.wrong is not None and wrong > limits.wrong:
-        parts = f"{errors.lost} lost, {errors.extra} extra, {errors.astray} astray"
-        found.append(f"{errors.wrong} of {errors.pixels} pixels wrong ({parts}); at most {limits.wrong:.2%}")
-    if limits.gross is not None and errors.gross / max(errors.pixels, 1) > limits.gross:
-        found.append(
-            f"{errors.gross} of {errors.pixels} wrong by more than a texel's shift; at most {limits.gross:.2%}"
-        )
-    named = {
-        "texels": (errors.texels, "texels along the ray at worst"),
-        "texels_p99": (errors.texels_p99, "texels along the ray (99th percentile)"),
-        "shift_p99": (errors.shift_p99, "pixels (99th percentile)"),
-        "codes_p99": (errors.codes_p99, "codes of colour (99th percentile)"),
-    }
-    if meant is not None:
-        named["meant"] = (meant[0], "texels from the surface before it was stored")
-    for name, (value, words) in named.items():
-        most = getattr(limits, name)
-        if most is not None and not value <= most:
-            found.append(f"{value:.3g} {words}; at most {most:.3g}")
-    return found
-
-
-def _figures(errors: Errors, meant: tuple[float, float] | None) -> Figures:
-    values = {name: value if isinstance(value, int) else finite(value) for name, value in asdict(errors).items()}
-    return Figures(**values, meant=meant[0] if meant else None, meant_p99=meant[1] if meant else None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numba
 
@@ -14,7 +15,16 @@ from ibrpipe.bench.surface import Texture
 from ibrpipe.errors import IbrError
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.registry import find_renderer
-from ibrpipe.types import Camera, Frame
+from ibrpipe.types import Array, Camera, Frame
+
+
+@dataclass(frozen=True, eq=False)
+class WrongPixels:
+    """A frame with wrong pixels, to be shown: exact depth, rendered depth, and where they differ; all (H, W)."""
+
+    exact: Array
+    rendered: Array
+    wrong: Array
 
 
 def render_twice(
@@ -33,7 +43,7 @@ def render_twice(
         return plain_cell(
             case, setting.label, bits, "fail", ["raised something else than an IbrError"], message=told_as
         )
-    return many, _bytes(one) == _bytes(many)
+    return many, frame_bytes(one) == frame_bytes(many)
 
 
 def draw_with(setting: Setting, source: Texture, camera: Camera) -> Callable[[int], Frame]:
@@ -54,7 +64,8 @@ def draw_with(setting: Setting, source: Texture, camera: Camera) -> Callable[[in
     return draw
 
 
-def _bytes(frame: Frame) -> bytes:
+def frame_bytes(frame: Frame) -> bytes:
+    """Return all bytes of a frame."""
     return b"".join(part.tobytes() for part in (frame.color, frame.depth, frame.alpha) if part is not None)
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ibrpipe.bench import oracle
 from ibrpipe.bench.cases import Shot
-from ibrpipe.bench.hard_results import Limits
-from ibrpipe.bench.measure import displacement, ray_lengths
+from ibrpipe.bench.hard_results import Figures, Limits
+from ibrpipe.bench.measure import Errors, displacement, ray_lengths
 from ibrpipe.bench.settings import Limit
 from ibrpipe.bench.surface import Surface, Texture, first_layer
 from ibrpipe.types import Array, Camera, Frame, LayeredDepthImage
@@ -101,6 +101,40 @@ def _stored_rounding(posed: Posed, surface: Surface) -> float:
     depth = posed.shot.source.height if hasattr(posed.shot.source, "height") else posed.shot.source.depth  # type: ignore[union-attr]
     some = np.abs(depth[np.isfinite(depth)])
     return float(np.spacing(np.float32(some.max()))) / surface.texel if len(some) and not surface.perspective else 1e-3
+
+
+def exceed(errors: Errors, meant: tuple[float, float] | None, limits: Limits) -> list[str]:
+    """Return what is beyond its limit, in words."""
+    found = []
+    if errors.nan:
+        found.append(f"{errors.nan} pixels hold NaN")
+    wrong = errors.wrong / max(errors.pixels, 1)
+    if limits.wrong is not None and wrong > limits.wrong:
+        parts = f"{errors.lost} lost, {errors.extra} extra, {errors.astray} astray"
+        found.append(f"{errors.wrong} of {errors.pixels} pixels wrong ({parts}); at most {limits.wrong:.2%}")
+    if limits.gross is not None and errors.gross / max(errors.pixels, 1) > limits.gross:
+        found.append(
+            f"{errors.gross} of {errors.pixels} wrong by more than a texel's shift; at most {limits.gross:.2%}"
+        )
+    named = {
+        "texels": (errors.texels, "texels along the ray at worst"),
+        "texels_p99": (errors.texels_p99, "texels along the ray (99th percentile)"),
+        "shift_p99": (errors.shift_p99, "pixels (99th percentile)"),
+        "codes_p99": (errors.codes_p99, "codes of colour (99th percentile)"),
+    }
+    if meant is not None:
+        named["meant"] = (meant[0], "texels from the surface before it was stored")
+    for name, (value, words) in named.items():
+        most = getattr(limits, name)
+        if most is not None and not value <= most:
+            found.append(f"{value:.3g} {words}; at most {most:.3g}")
+    return found
+
+
+def figures_of(errors: Errors, meant: tuple[float, float] | None) -> Figures:
+    """Return the errors as the results hold them."""
+    values = {name: value if isinstance(value, int) else finite(value) for name, value in asdict(errors).items()}
+    return Figures(**values, meant=meant[0] if meant else None, meant_p99=meant[1] if meant else None)
 
 
 def finite(value: float) -> float | None:

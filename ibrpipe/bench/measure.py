@@ -130,10 +130,10 @@ def measure(
         astray=int(astray.sum()),
         gross=_gross(got, truth, way, texel, camera),
         nan=int(nan.sum()),
-        **_ends("texels", texels[both & clear]),
-        **_ends("shift", shift),
-        **_ends("off", off),
-        **_ends("codes", codes[good]),
+        **ends("texels", texels[both & clear]),
+        **ends("shift", shift),
+        **ends("off", off),
+        **ends("codes", codes[good]),
         rmse=float(np.sqrt(np.mean(texels[good] ** 2))) if good.any() else 0.0,
     )
     return errors, ErrorMaps(texels, lost | extra | astray | nan, clear, codes)
@@ -225,8 +225,8 @@ def _moved(camera: Camera, shown: Array, belongs: Array) -> Array:
     return np.hypot(*(places[1] - places[0]))
 
 
-def _ends(name: str, values: Array) -> dict[str, float]:
-    """Largest and 99th percentile of the finite values; 0 where there are none."""
+def ends(name: str, values: Array) -> dict[str, float]:
+    """Return the largest and 99th percentile of the finite values; 0 where there are none."""
     values = values[np.isfinite(values)]
     if not len(values):
         return {name: 0.0, f"{name}_p99": 0.0}

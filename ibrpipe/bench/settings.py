@@ -66,6 +66,8 @@ class Setting:
         Why it may refuse sources of a kind that it accepts; empty = it must not.
     quick : bool
         Takes part in the quick preset of ``speed-error``.
+    meshes : bool
+        Only for relief-mapped meshes: takes part in their hard cases alone.
     """
 
     renderer: str
@@ -76,6 +78,7 @@ class Setting:
     first_layer: bool = False
     refuses: str = ""
     quick: bool = True
+    meshes: bool = False
 
     def limit_for(self, case: str) -> Limit:
         """Return the limit of a case: the longest entry of `special` that its name begins with, else `limit`."""
@@ -115,6 +118,15 @@ FLATS = {
     "surface-constant": Limit(ANY, ANY, ANY, 1.0, 1.0, ANY, "published search: a box without thickness holds no step"),
     "eye-on-texel": Limit(ANY, ANY, ANY, 0.16, 0.05, ANY, "published search: a step is a large shift close to the eye"),
 }
+MESH_STEPS = {
+    "mesh-": Limit(ANY, ANY, ANY, 0.16, 0.16, ANY, STEPS.reason),
+    "mesh-dual-thin": Limit(ANY, ANY, ANY, 0.55, 0.55, ANY, "published search: a wall thinner than a step is missed"),
+}
+OVERLAPS = {
+    "mesh-degenerate-slivers": Limit(
+        0.2, 1e-3, 1e-2, 0.0, 0.0, 0.6, "the prisms below a sliver and beside it overlap: either may be hit"
+    )
+}
 
 LINES = Limit(
     ANY, ANY, ANY, 0.2, 0.02, ANY,
@@ -135,10 +147,17 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("epipolar", "epipolar linear", {"search": "linear"}, LINES, first_layer=True, quick=False),
     Setting("splat", "splat", {}, SPLATS, first_layer=True, quick=False),
     Setting("relief", "relief", {"search": "exact"}, special=RIMS, first_layer=True),
-    Setting("relief", "relief 32+8", {"search": "linear-binary"}, STEPS, FLATS, first_layer=True),
+    Setting("relief", "relief 32+8", {"search": "linear-binary"}, STEPS, FLATS | MESH_STEPS, first_layer=True),
     Setting(
-        "relief", "relief 256+8", {"search": "linear-binary", "linear_steps": 256}, STEPS, FLATS, True, quick=False
+        "relief",
+        "relief 256+8",
+        {"search": "linear-binary", "linear_steps": 256},
+        STEPS,
+        FLATS | MESH_STEPS,
+        True,
+        quick=False,
     ),
+    Setting("relief", "relief shell", {"model": "shell"}, special=OVERLAPS, meshes=True),
     Setting("prewarp", "prewarp", {"method": "two-pass"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
     Setting("prewarp", "prewarp pipelined", {"method": "pipelined"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
     Setting("prewarp", "prewarp area", {"filter": "area"}, SAMPLED, TOUCHED | CLIFF, first_layer=True, quick=False),

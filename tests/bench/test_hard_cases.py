@@ -88,9 +88,13 @@ def test_no_nan_and_the_same_bytes_everywhere(everything):
 
 def test_most_cases_put_surfaces_before_the_camera(everything):
     """A case in which nothing is seen would pass whatever is rendered."""
-    seen = {cell.case: cell.figures.hits for cell in everything.cells if cell.figures}
+    seen = {}
+    for cell in everything.cells:
+        if cell.figures:
+            seen[cell.case] = max(seen.get(cell.case, 0), cell.figures.hits)
     empty = {name for name, hits in seen.items() if hits < 8}
-    assert empty <= {"eye-looks-away", "surface-empty", "surface-one-texel-islands", "layers-empty"}
+    nothing = {"eye-looks-away", "surface-empty", "surface-one-texel-islands", "layers-empty", "mesh-instance-singular"}
+    assert empty <= nothing
 
 
 def test_fewer_bits_cost_what_half_a_step_says(everything):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ibrpipe.bench.surface import Surface, Texture, build_surface
+from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.types import (
     Array,
     Camera,
@@ -155,7 +156,27 @@ class SpiralCase:
     zero: int = 0
 
 
-AnyCase = Case | Refusal | SpiralCase
+@dataclass(frozen=True, eq=False)
+class MeshShot:
+    """A relief-mapped mesh and where it is seen from; `meant`: its heights (H, W) float64 before they were stored."""
+
+    source: ReliefMesh
+    camera: Camera
+    meant: Array
+
+
+@dataclass(frozen=True)
+class MeshCase:
+    """A picture of a relief-mapped mesh that is compared with float64 brute force; fields as those of `Case`."""
+
+    name: str
+    group: int
+    what: str
+    build: Callable[[], MeshShot]
+    bits: tuple[int, ...] = (32,)
+
+
+AnyCase = Case | Refusal | SpiralCase | MeshCase
 
 
 def relief(frame: ParallelFrame, heights: Any, camera: Camera, color: Any = None) -> Shot:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.bench.cases import GROUPS
-from ibrpipe.bench.hard_cases import HardRun, WrongPixels
+from ibrpipe.bench.hard_cases import HardRun
+from ibrpipe.bench.hard_frames import WrongPixels
 from ibrpipe.bench.hard_results import Cell, HardCasesModel, Limits
 from ibrpipe.bench.report.template import figure, fill, picture, share
 from ibrpipe.bench.settings import EXACT
