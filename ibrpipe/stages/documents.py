@@ -204,6 +204,9 @@ class Geometry(_Document):
     parts_dropped: int | None = Field(None, description="Connected parts that were too small to keep")
     area: float | None = Field(None, description="Of the surface, square scene units")
     unseen_share: Share | None = Field(None, description="Share of the area that no depth map shows")
+    looked_through_share: Share | None = Field(
+        None, description="Share of the area that is kept to close the surface although depth maps look through it"
+    )
     boundary_loops: int | None = Field(None, description="Open borders; 0 = closed")
     boundary_length: float | None = Field(None, description="Length of all open borders, scene units")
     crowded_edges: int | None = Field(None, description="Edges with more than two faces")

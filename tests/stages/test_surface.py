@@ -14,7 +14,9 @@ from ibrpipe.io.dense import DepthMap, Workspace, write_map
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import View, read_views
 from ibrpipe.stages.surface.build import build_surface
-from ibrpipe.stages.surface.finish import openings, parts, simplified, whole_parts
+from ibrpipe.stages.surface.doubt import contradicting, doubted
+from ibrpipe.stages.surface.fill import behind
+from ibrpipe.stages.surface.finish import large_patches, openings, parts, simplified, whole_parts, without_vertices
 from ibrpipe.stages.surface.fusion import FusionRules, fuse
 from ibrpipe.stages.surface.hull import load_outlines
 from ibrpipe.stages.surface.hull_surface import hull_surface
@@ -84,6 +86,8 @@ def test_auto_closes_a_whole_object_by_its_outlines(ball, noisy, tmp_path: Path)
     built = build_surface(views, noisy, SurfaceConfig(disparity=1.5, depth_difference=0.02), tmp_path, 200_000_000)
     assert built.facts["method"] == "poisson"
     assert built.facts["measured"]["photos_with_mask"] == len(views)
+    assert built.facts["closed"]
+    assert built.facts["looked_through_share"] == 0
     again = build_surface(views, noisy, SurfaceConfig(disparity=1.5, depth_difference=0.02), tmp_path, 200_000_000)
     assert again.mesh.vertices.tobytes() == built.mesh.vertices.tobytes()
 
@@ -105,6 +109,39 @@ def test_one_wrong_mask_cuts_nothing_away(ball) -> None:
     wrong = replace(outlines[3], distance=np.full_like(outlines[3].distance, 50))
     mesh, _ = hull_surface([wrong, *outlines[:3], *outlines[4:]], 1.25, 50_000_000)
     assert len(mesh.faces) > 500
+
+
+def test_points_of_a_shell_inside_the_body_do_not_fill(ball) -> None:
+    mesh, caster = ball[1:]
+    normals = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
+    assert behind(caster, 0.7 * normals, normals).all()
+    assert not behind(caster, 1.1 * normals, normals).any()
+    beside = normals[:, 2] < 0.5  # of a body open above only what looks up through the opening counts as outside
+    open_above = without_vertices(mesh, beside)
+    inner = behind(MeshCaster(open_above), 0.7 * normals, normals)
+    assert inner[normals[:, 2] < -0.5].all()
+
+
+def test_masks_that_lose_a_part_say_nothing_there(ball, noisy, tmp_path: Path) -> None:
+    views = ball[0]
+    cloud = fuse(noisy, FusionRules(pixels=1.5, relative=0.02), tmp_path).cloud
+    outlines = load_outlines(views)
+    assert len(contradicting(cloud, outlines)) < 0.01 * len(cloud.position)
+    middle = outlines[3].camera.width // 2
+    lost = np.where(np.arange(outlines[3].camera.width) < middle, np.float32(20), outlines[3].distance)
+    against = contradicting(cloud, [*outlines[:3], replace(outlines[3], distance=lost), *outlines[4:]])
+    mended = doubted(replace(outlines[3], distance=lost), against).distance
+    inside = (outlines[3].distance < -3) & (np.arange(lost.shape[1]) < middle)
+    assert np.isnan(mended[inside]).mean() > 0.9
+    assert np.isnan(mended).sum() < 1.5 * inside.sum()
+    assert doubted(outlines[0], against[:0]) is outlines[0]
+
+
+def test_only_large_marked_pieces_count() -> None:
+    sheet = _sheet(10)
+    marked = (sheet.vertices[:, 0] < 2.5) | (sheet.vertices[:, 0] > 8.5)  # 2 and 1 of 10 columns
+    assert (large_patches(sheet, marked, 0.15) == (sheet.vertices[:, 0] < 2.5)).all()
+    assert not large_patches(sheet, sheet.vertices[:, 0] < 0, 0.1).any()
 
 
 def test_masks_without_a_common_part_are_told(ball) -> None:

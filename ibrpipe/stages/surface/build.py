@@ -15,18 +15,21 @@ from ibrpipe.errors import CaptureError
 from ibrpipe.io.dense import DepthMap
 from ibrpipe.io.views import View
 from ibrpipe.stages.surface.choose import Choice, choose
+from ibrpipe.stages.surface.doubt import contradicting, doubted
+from ibrpipe.stages.surface.fill import with_outlines
 from ibrpipe.stages.surface.finish import (
     Evidence,
     evidence,
     face_areas,
     grown,
+    large_patches,
     openings,
     simplified,
     vertex_normals,
     whole_parts,
     without_vertices,
 )
-from ibrpipe.stages.surface.fusion import Cloud, Fused, FusionRules, fuse, joined
+from ibrpipe.stages.surface.fusion import Cloud, Fused, FusionRules, fuse
 from ibrpipe.stages.surface.hull import Outline, hull_box, load_outlines, outline_of
 from ibrpipe.stages.surface.hull_surface import hull_surface
 from ibrpipe.stages.surface.maps import MapStore
@@ -41,6 +44,15 @@ from ibrpipe.stages.surface.volume import (
     summed,
 )
 from ibrpipe.types import Array, Mesh
+
+#: voxels of the outlines' surface that fills, in voxels of the surface that is seen
+FILL_COARSER = 2.0
+
+
+#: voxels from every point at which a surface counts as invented
+REACH = 6.0
+#: share of the area from which on an invented piece, or one that maps look through, is cut out of a filled surface
+MEMBRANE = 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +102,16 @@ def build_surface(
     share = fused.confirmed / max(fused.masked, 1)
     middle = _middle(fused.cloud, outlines)
     choice = choose(config, views, outlines, share, middle)
+    against = contradicting(fused.cloud, outlines)
+    whole, outlines = outlines, [doubted(each, against) for each in outlines]
+    measured = {**choice.measured, "masks_contradicted": sum(a is not b for a, b in zip(whole, outlines))}
     fused_at = perf_counter()
     if choice.method != "hull" and len(fused.cloud.position) < 100:
         raise CaptureError(
             f"only {len(fused.cloud.position)} points agree between the photos' depth maps; add photos with more "
             "overlap, or masks and geometry.surface.method=hull, or a mesh"
         )
-    raw, step = _raw(choice, fused, outlines, config, memory)
+    raw, step = _raw(choice, fused, outlines, against, config, memory)
     mesh, dropped = _cleaned(raw, fused.maps, choice, config, step)
     edge = config.triangle_pixels * step / config.voxel_pixels
     mesh = simplified(mesh, edge) if edge > 0 else mesh
@@ -105,7 +120,7 @@ def build_surface(
         "method": choice.method,
         "filled_by_outlines": choice.fill,
         "reason": choice.reason,
-        "measured": choice.measured,
+        "measured": measured,
         "points": len(fused.cloud.position),
         "voxel": float(step),
         "parts_dropped": dropped,
@@ -122,26 +137,36 @@ def _middle(cloud: Cloud, outlines: Sequence[Outline]) -> Array | None:
 
 
 def _raw(
-    choice: Choice, fused: Fused, outlines: Sequence[Outline], config: SurfaceConfig, memory: int
+    choice: Choice, fused: Fused, outlines: Sequence[Outline], against: Array, config: SurfaceConfig, memory: int
 ) -> tuple[Mesh, float]:
     """Return the surface as it comes, and the size of its voxels."""
+    from scipy.spatial import cKDTree
+
     if choice.method == "hull":
         return hull_surface(outlines, config.voxel_pixels, memory // 2)
     step = config.voxel_pixels * float(np.median(fused.cloud.spacing))
     if choice.method == "volume":
-        return _volume(fused, outlines, config, step, memory // 2)
-    cloud, step = _averaged(fused, outlines, config, step, memory // 2)
+        return _volume(fused, outlines, against, config, step, memory // 2)
+    seen, cloud, step = _averaged(fused, outlines, against, config, step, memory // 2)
     if choice.fill:
-        hull, _ = hull_surface(outlines, config.voxel_pixels, memory // 2)
-        cloud = _with_hull(cloud, fused.maps, hull, step)
-    return poisson_surface(cloud, step, 6 * step), step
+        hull, _ = hull_surface(outlines, FILL_COARSER * config.voxel_pixels, memory // 2)
+        cloud = with_outlines(cloud, fused.maps, seen, hull, step)
+    mesh = poisson_surface(cloud, step)
+    distance, _ = cKDTree(cloud.position).query(mesh.vertices, distance_upper_bound=REACH * step)
+    invented = ~np.isfinite(distance)
+    if choice.fill:  # what would open it for a trifle stays
+        invented = large_patches(mesh, invented, MEMBRANE)
+    return without_vertices(mesh, ~invented), step
 
 
 def _averaged(
-    fused: Fused, outlines: Sequence[Outline], config: SurfaceConfig, step: float, memory: int
-) -> tuple[Cloud, float]:
-    """Return points of the averaged distances' surface: every depth map has its say in them, by its confidence."""
-    mesh, step = _volume(fused, outlines, config, step, memory)
+    fused: Fused, outlines: Sequence[Outline], against: Array, config: SurfaceConfig, step: float, memory: int
+) -> tuple[Mesh, Cloud, float]:
+    """Return what maps show of the averaged distances' surface, as mesh and as points, and the size of its voxels.
+
+    Every depth map has its say in it, by its confidence.
+    """
+    mesh, step = _volume(fused, outlines, against, config, step, memory)
     found = evidence(mesh, fused.maps, 2.0 * step)
     kept = (found.observations >= config.votes) & (found.observations > found.through)
     cloud = Cloud(
@@ -151,29 +176,11 @@ def _averaged(
         found.observations[kept],
         np.full(int(kept.sum()), step, np.float32),
     )
-    return cloud, step
-
-
-def _with_hull(cloud: Cloud, maps: MapStore, hull: Mesh, step: float) -> Cloud:
-    """Add the outlines' surface to the points, where no point is near and no depth map looks through it."""
-    from scipy.spatial import cKDTree
-
-    found = evidence(hull, maps, 2.0 * step)
-    far = ~np.isfinite(cKDTree(cloud.position).query(hull.vertices, distance_upper_bound=6 * step)[0])
-    chosen = far & (found.through == 0) & (found.observations == 0)
-    count = int(chosen.sum())
-    added = Cloud(
-        hull.vertices[chosen],
-        vertex_normals(hull)[chosen],
-        np.zeros(count, np.float32),
-        np.zeros(count, np.int32),
-        np.full(count, step, np.float32),
-    )
-    return joined([cloud, added])
+    return without_vertices(mesh, kept), cloud, step
 
 
 def _volume(
-    fused: Fused, outlines: Sequence[Outline], config: SurfaceConfig, step: float, memory: int
+    fused: Fused, outlines: Sequence[Outline], against: Array, config: SurfaceConfig, step: float, memory: int
 ) -> tuple[Mesh, float]:
     points, most = fused.cloud.position, max(memory // (VOXEL_BYTES * VOXELS), 64)
     low, high = np.quantile(points, (0.0005, 0.9995), axis=0)
@@ -182,7 +189,7 @@ def _volume(
     while len(blocks.corners) > most:
         step *= 1.05 * (len(blocks.corners) / most) ** 0.5
         blocks = blocks_around(points, low - margin, high + margin, step, config.truncation * step)
-    fitting = [outline_of(each.camera, each.mask, _KNOWN) for each in fused.maps] if outlines else []
+    fitting = [doubted(outline_of(each.camera, each.mask, _KNOWN), against) for each in fused.maps if outlines]
     value = summed(blocks, fused.maps, fitting, Weights(config.truncation, config.carve))
     return extract(blocks, value), step
 
@@ -195,9 +202,11 @@ def _cleaned(raw: Mesh, maps: MapStore, choice: Choice, config: SurfaceConfig, s
     if choice.method == "hull":
         return whole_parts(raw, config.least_part)
     found = evidence(raw, maps, 2.0 * step)
-    seen = (found.observations > 0) & (found.observations >= found.through)
     empty = found.through > 2 * found.observations + 2
-    keep = ~empty if choice.fill else grown(raw, seen, 1) & ~empty
+    if choice.fill:
+        keep = ~large_patches(raw, empty, MEMBRANE)
+    else:
+        keep = grown(raw, (found.observations > 0) & (found.observations >= found.through), 1) & ~empty
     return whole_parts(without_vertices(raw, keep), config.least_part)
 
 
@@ -205,11 +214,13 @@ def _described(mesh: Mesh, found: Evidence) -> dict[str, Any]:
     """Return the figures of a finished surface."""
     areas, ends = face_areas(mesh), openings(mesh)
     unseen = (found.observations[mesh.faces] == 0).all(axis=1)
+    crossed = (found.through > 2 * found.observations + 2)[mesh.faces].all(axis=1)
     return {
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "area": float(areas.sum()),
         "unseen_share": float(areas[unseen].sum() / areas.sum()),
+        "looked_through_share": float(areas[crossed].sum() / areas.sum()),
         "boundary_loops": ends.loops,
         "boundary_length": ends.length,
         "crowded_edges": ends.crowded,

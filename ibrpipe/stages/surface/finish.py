@@ -110,6 +110,20 @@ def whole_parts(mesh: Mesh, share: float) -> tuple[Mesh, int]:
     return without_vertices(mesh, keep), int((present & ~kept).sum())
 
 
+def large_patches(mesh: Mesh, marked: Array, share: float) -> Array:
+    """Return the marked vertices (V,) bool that hang together over more than `share` of the mesh's area."""
+    inside = marked[mesh.faces].all(axis=1)
+    if not inside.any():
+        return np.zeros_like(marked)
+    areas = face_areas(mesh)
+    patch = Mesh(mesh.vertices, mesh.faces[inside])
+    number, label = parts(patch)
+    large = np.bincount(label, areas[inside], minlength=number) > share * areas.sum()
+    chosen = np.zeros_like(marked)
+    chosen[patch.faces[large[label]]] = True
+    return chosen
+
+
 def simplified(mesh: Mesh, edge: float) -> Mesh:
     """Join triangles until they are about `edge` wide at the mean; a coarser mesh stays as it is."""
     wanted = int(face_areas(mesh).sum() / (0.433 * edge * edge))

@@ -6,13 +6,12 @@ import numpy as np
 
 from ibrpipe.embree import import_open3d
 from ibrpipe.errors import CaptureError
-from ibrpipe.stages.surface.finish import without_vertices
 from ibrpipe.stages.surface.fusion import Cloud
 from ibrpipe.types import Array, Mesh
 
 
-def poisson_surface(cloud: Cloud, step: float, reach: float) -> Mesh:
-    """Reconstruct, and cut away what lies further than `reach` from every point.
+def poisson_surface(cloud: Cloud, step: float) -> Mesh:
+    """Reconstruct; the surface is closed, invented where there are no points.
 
     One thread: only then does the same input give the same bytes.
 
@@ -21,8 +20,6 @@ def poisson_surface(cloud: Cloud, step: float, reach: float) -> Mesh:
     CaptureError
         Too few points.
     """
-    from scipy.spatial import cKDTree
-
     if len(cloud.position) < 100:
         raise CaptureError(f"only {len(cloud.position)} points agree between photos; Poisson needs 100 at least")
     o3d = import_open3d()
@@ -33,9 +30,7 @@ def poisson_surface(cloud: Cloud, step: float, reach: float) -> Mesh:
     extent = float(np.ptp(cloud.position, axis=0).max()) * 1.1
     depth = int(np.clip(np.ceil(np.log2(extent / step) - 0.3), 5, 11))
     found, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(points, depth=depth, n_threads=1)
-    mesh = Mesh(np.asarray(found.vertices) + shift, np.asarray(found.triangles, dtype=np.int32))
-    distance, _ = cKDTree(cloud.position).query(mesh.vertices, distance_upper_bound=reach)
-    return without_vertices(mesh, np.isfinite(distance))
+    return Mesh(np.asarray(found.vertices) + shift, np.asarray(found.triangles, dtype=np.int32))
 
 
 def thinned(position: Array, normal: Array, step: float) -> tuple[Array, Array]:
