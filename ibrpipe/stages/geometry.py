@@ -102,7 +102,7 @@ def _from_photos(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> dict
     if not maps and config.surface.method != "hull":
         points = None if inputs.points is None else read_points(inputs.points)
         maps = estimate_depths(views.train, workspace.root, config.depth, inputs.seed, points)
-        source = "patchmatch"
+        source = config.depth.method
     depth_seconds = perf_counter() - began
     try:
         built = build_surface(views.train, maps, config.surface, work / "fused", config.memory_mb * 1_000_000)

@@ -2,57 +2,22 @@
 
 import numpy as np
 import pytest
+from plane_scene import NORMAL, PLACES, camera_at, sparse, take, true_depth
 
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.dense import read_map
-from ibrpipe.io.images import write_png
-from ibrpipe.io.points import SparsePoints
-from ibrpipe.io.views import View
 from ibrpipe.stages import dense
 from ibrpipe.stages.dense.consistency import small_pieces
 from ibrpipe.stages.dense.neighbours import neighbourhoods
 from ibrpipe.stages.dense.scales import enlarged, passes
-from ibrpipe.types import Camera
 
-WIDTH, HEIGHT = 96, 72
-#: the surface: plane n . X = 1
-NORMAL = np.array([0.1, -0.05, 0.25])
 CONFIG = dense.DepthConfig(coarsest=64, iterations=4, neighbours=4)
-
-
-def rays(camera):
-    x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-    return np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
-
-
-def true_depth(camera):
-    return (1 - NORMAL @ camera.center) / (rays(camera) @ NORMAL)
 
 
 @pytest.fixture(scope="module")
 def views(tmp_path_factory):
     folder = tmp_path_factory.mktemp("photos")
-    found = []
-    for n, (x, y) in enumerate([(-0.6, 0), (0, 0), (0.6, 0.1), (0.1, 0.5), (-0.2, -0.5)]):
-        camera = Camera.look_at([x, y, 0], [0, 0, 4.0], up=(0, -1, 0), fov_y_deg=45, width=WIDTH, height=HEIGHT)
-        points = camera.center + rays(camera) * true_depth(camera)[..., None]
-        s, t = 3 * points[..., 0], 3 * points[..., 1]
-        paint = 0.5 + 0.2 * np.sin(3 * s + t) * np.cos(2 * t) + 0.2 * np.sin(5 * t - 2 * s + np.sin(3 * s))
-        write_png(folder / f"{n}.png", np.repeat(paint[..., None], 3, axis=2).astype(np.float32))
-        mask = np.zeros((HEIGHT, WIDTH, 3), np.float32)
-        mask[:, 6:] = 1
-        write_png(folder / f"{n}.mask.png", mask)
-        found.append(View(str(n), camera, folder / f"{n}.png", mask=folder / f"{n}.mask.png"))
-    return found
-
-
-def sparse(views):
-    x, y = np.meshgrid(np.linspace(-1, 1, 8), np.linspace(-0.8, 0.8, 6))
-    xyz = np.stack([x.ravel(), y.ravel(), (1 - NORMAL[0] * x - NORMAL[1] * y).ravel() / NORMAL[2]], axis=1)
-    count, every = len(xyz), len(views)
-    return SparsePoints(
-        xyz, np.zeros(count, np.float32), np.arange(count + 1) * every, np.tile(np.arange(every), count)
-    )
+    return [take(folder, n, camera_at(place)) for n, place in enumerate(PLACES)]
 
 
 def errors(views, maps):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ibrpipe.errors import CaptureError
 from ibrpipe.io.dense import DepthMap, write_workspace
 from ibrpipe.io.points import SparsePoints
 from ibrpipe.io.views import View
@@ -15,6 +16,7 @@ from ibrpipe.stages.dense.consistency import keep_agreed
 from ibrpipe.stages.dense.job import Job
 from ibrpipe.stages.dense.matching import run_pass
 from ibrpipe.stages.dense.neighbours import neighbourhoods
+from ibrpipe.stages.dense.pairs import run_pairs
 from ibrpipe.stages.dense.pictures import forget_pictures
 from ibrpipe.stages.dense.scales import map_size, passes
 from ibrpipe.stages.dense.settings import DepthConfig
@@ -57,7 +59,8 @@ def estimate_depths(
     around = neighbourhoods(views, points, config.neighbours)
     job = Job(tuple(views), around, config, seed, workspace)
     job.resume()
-    seconds = [0.0] * len(views) if job.done() else _by_planes(job)
+    method = _by_planes if config.method == "patchmatch" else _by_pairs
+    seconds = [0.0] * len(views) if job.done() else method(job)
     maps = tuple(
         DepthMap(
             view, job.workspace.depth(view.name), job.workspace.normal(view.name), job.workspace.confidence(view.name),
@@ -82,10 +85,24 @@ def _by_planes(job: Job) -> list[float]:
             seconds[i] += spent
         if order.number > 0:
             shutil.rmtree(job.state_file(order.number - 1, 0).parent, ignore_errors=True)
-    for i, spent in enumerate(_everywhere(keep_agreed, job, "depth maps", rounds[-1].number)):
-        seconds[i] += spent
+    return _agreed(job, seconds, rounds[-1].number)
+
+
+def _by_pairs(job: Job) -> list[float]:
+    """Match all views by rectified pairs, then write what is kept; return the seconds of each view."""
+    seconds = _everywhere(run_pairs, job, "depth by pairs")
+    if not any((job.planes(0, which, 1) > 0).any() for which in range(len(job.views))):
+        raise CaptureError(
+            "no photo can be rectified with a neighbour, or none of the pairs match: the camera moved along its "
+            "view or turned too far; use geometry.depth.method=patchmatch"
+        )
+    return _agreed(job, seconds, 0)
+
+
+def _agreed(job: Job, seconds: list[float], number: int) -> list[float]:
+    after = _everywhere(keep_agreed, job, "depth maps", number)
     forget_pictures()
-    return seconds
+    return [one + other for one, other in zip(seconds, after, strict=True)]
 
 
 def _everywhere(unit: Callable[..., float], job: Job, label: str, *extra: Any) -> list[float]:

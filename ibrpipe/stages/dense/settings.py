@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from ibrpipe.config import StageConfig
@@ -10,11 +12,16 @@ from ibrpipe.config import StageConfig
 class DepthConfig(StageConfig):
     """Settings of the depth maps."""
 
+    method: Literal["patchmatch", "sgbm"] = Field(
+        "patchmatch",
+        description="patchmatch = slanted planes over several photos; sgbm = rectified pairs, a fast draft",
+    )
     max_size: int = Field(
         1600, ge=64, le=8192, description="Longest side of a depth map in pixels; larger photos are shrunk"
     )
     neighbours: int = Field(8, ge=1, le=16, description="Photos that a photo is matched with")
     keep: int = Field(3, ge=1, le=16, description="Best of the neighbours that a pixel's cost is made of")
+    pairs: int = Field(6, ge=1, le=16, description="Neighbours that sgbm pairs a photo with")
     iterations: int = Field(5, ge=1, le=20, description="Sweeps at the coarsest size, where surfaces are found")
     coarsest: int = Field(300, ge=64, le=2048, description="Longest side of the coarsest size is at most this, pixels")
     sigma: float = Field(
