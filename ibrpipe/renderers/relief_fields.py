@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ibrpipe.core import relief_exact, relief_linear
+from ibrpipe.core import relief_exact, relief_linear, relief_shade
 from ibrpipe.core.quadtree import EMPTY, STEPS
 from ibrpipe.core.relief_pyramid import build_pyramid
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.fields import Place, _place
+from ibrpipe.renderers.epipolar_maps import Map, cast_map, height_map
+from ibrpipe.renderers.fields import HeightField, Place, _place
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
 
 #: steps between neighbouring samples of a layered image, in texels, above which they are not joined
 GAP = 4.0
+#: texels from which height fields are searched along epipolar lines: smaller ones march as fast without
+LINES = 2**19
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,34 +32,60 @@ class Field:
         Texel (0, 0)'s centre is cell coordinate (0, 0).
     height : (H, W) float32, field depth; NaN = hole
     color : (H, W, 4) float32, linear; fourth 1 where the colour is known
-    plan, nodes : see :mod:`ibrpipe.core.relief_pyramid`
+    gap : float
+        Steps above which neighbours are not joined.
     grid : (5,) float64
         Lowest depth of the bounds, steps per depth, least and greatest depth, texels per row.
     front : bool
         Only the side of lesser depth is seen.
-    whole : bool
-        No cell is a hole.
     """
 
     place: Place
     height: Array
     color: Array
-    plan: Array
-    nodes: Array
+    gap: float
     grid: Array
     front: bool
-    whole: bool
+
+    @cached_property
+    def pyramid(self) -> tuple[Array, Array]:
+        """Plan and nodes of :mod:`ibrpipe.core.relief_pyramid`."""
+        return build_pyramid(self.height, self.grid[0], self.grid[1], self.gap)
+
+    @cached_property
+    def whole(self) -> bool:
+        """No cell is a hole."""
+        return _is_whole(*self.pyramid)
+
+    @cached_property
+    def lines(self) -> Map | None:
+        """The field as the search along epipolar lines takes it; None for small fields and layered images."""
+        if self.front or self.height.size < LINES or not self.grid[2] <= self.grid[3]:
+            return None
+        low, high = (np.full((1, 1), each, np.float32) for each in self.grid[2:4])
+        return height_map(HeightField(self.place, self.height, self.color, low, high), 0)
+
+    def build(self) -> Field:
+        """Build what the exact search needs."""
+        if self.grid[2] <= self.grid[3] and self.lines is None:
+            _ = self.whole
+        return self
 
     @property
     def bytes(self) -> int:
         """Bytes held beyond the source itself."""
-        return self.nodes.nbytes
+        lines = self.lines.bytes if self.lines else 0
+        return lines + (self.pyramid[1].nbytes if "pyramid" in self.__dict__ else 0)
 
     def search(self, camera: Camera, method: str, steps: int, halvings: int, depth: Array, places: Array) -> None:
         """Lower `depth` (h, w) float32 where this field is hit nearer; `places` (h, w, 2) or empty: hits in cells."""
         if not self.grid[2] <= self.grid[3]:
             return
+        if method == "exact" and self.lines is not None:
+            _search_lines(self.lines, camera, depth, places)
+            return
         start, turn = self.place.rays(camera)
+        plan, nodes = self.pyramid
         window = np.array([0, camera.width, 0, camera.height])
         rays = np.ascontiguousarray(start[:3]), np.ascontiguousarray(turn[:3]).ravel()
         if method == "exact":
@@ -63,8 +93,8 @@ class Field:
             padded[2], padded[3] = self.grid[0], self.grid[0] + STEPS / self.grid[1]
             relief_exact.search_exact(
                 pairs(self.height),
-                self.nodes,
-                self.plan,
+                nodes,
+                plan,
                 padded,
                 *rays,
                 float(self.front),
@@ -76,7 +106,7 @@ class Field:
             return
         side = -1.0 if self.front else self.outside(rays[0])
         relief_linear.search_linear(
-            pairs(self.height), self.nodes, self.plan, self.grid, *rays, side, steps, halvings, window, depth, places
+            pairs(self.height), nodes, plan, self.grid, *rays, side, steps, halvings, window, depth, places
         )
 
     def outside(self, eye: Array) -> float:
@@ -85,6 +115,15 @@ class Field:
         i, j = int(np.clip(np.rint(eye[0]), 0, columns - 1)), int(np.clip(np.rint(eye[1]), 0, rows - 1))
         near = float(self.height[j, i])
         return 1.0 if eye[2] >= (near if np.isfinite(near) else 0.5 * (self.grid[2] + self.grid[3])) else -1.0
+
+
+def _search_lines(lines: Map, camera: Camera, depth: Array, places: Array) -> None:
+    """Lower `depth` along epipolar lines, as renderer `epipolar` does."""
+    ids = np.full(depth.shape, 2**32 - 1, np.uint32)
+    cast_map(lines, camera, depth, ids)
+    if places.size:
+        start, turn = lines.field.place.rays(camera)
+        relief_shade.place_hits(depth, ids, np.uint32(lines.box[0]), start, turn, places)
 
 
 def pairs(height: Array) -> Array:
@@ -121,18 +160,15 @@ def _field(
     low, high = (float(height[some].min()), float(height[some].max())) if some.any() else (1.0, 0.0)
     pad = 1e-4 * max(high - low, 0.0) + 4.0 * float(np.spacing(np.float32(max(abs(low), abs(high), 1e-30))))
     scale = STEPS / (max(high - low, 0.0) + 2.0 * pad)
-    plan, nodes = build_pyramid(height, low - pad, scale, gap)
     grid = np.array([low - pad, scale, low, high, height.shape[1]])
     return Field(
         place or _place(frame, 0.5),
         height,
         np.ascontiguousarray(color),
-        plan,
-        nodes,
+        gap,
         grid,
         front,
-        _is_whole(plan, nodes),
-    )
+    ).build()
 
 
 def _is_whole(plan: Array, nodes: Array) -> bool:

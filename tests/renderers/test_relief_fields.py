@@ -8,6 +8,7 @@ import pytest
 import relief_twin
 
 import ibrpipe
+from ibrpipe.renderers import relief_fields
 from ibrpipe.types import Asset, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
 
 PLAIN = ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
@@ -53,6 +54,22 @@ def test_exact_search_equals_brute_force(shape, frame, holes):
     for way in ((1, 2, 5), (-4, 1, -3), (3, -5, 0.7)):
         camera = Camera.look_at(target + 2.5 * np.array(way), target, width=44, height=36)
         check(relief(frame, rough(shape, holes)), camera)
+
+
+@pytest.mark.parametrize("frame", [PLAIN, SKEW], ids=["plain", "skew"])
+def test_large_fields_are_searched_along_lines_and_equal_brute_force(frame, monkeypatch):
+    target, shape = middle(frame, (33, 25), 1.5), (33, 25)
+    source = relief(frame, rough(shape, 0.1))
+    for way in ((1, 2, 5), (-4, 1, -3), (3, -5, 0.7)):
+        camera = Camera.look_at(target + 2.5 * np.array(way), target, width=44, height=36)
+        marched = ibrpipe.render(source, camera, "relief")
+        with monkeypatch.context() as patch:
+            patch.setattr(relief_fields, "LINES", 0)
+            assert ibrpipe.prepare(source, "relief").data.parts[0].lines is not None
+            frame_of_lines = check(source, camera)
+        same = np.isclose(frame_of_lines.depth, marched.depth, rtol=1e-5)
+        assert same.mean() > 0.99
+        np.testing.assert_allclose(frame_of_lines.color[same], marched.color[same], atol=2e-3)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (6, 1)])
