@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ibrpipe.errors import FormatError, MissingFileError, ShapeError
+from ibrpipe.io.colmap_write import write_model
+from ibrpipe.io.dense_points import tied_model
 from ibrpipe.io.images import write_png
 from ibrpipe.io.views import View, load_view
-from ibrpipe.types import Array, Camera
+from ibrpipe.types import Array
 
 #: what COLMAP calls depth that agreed between photos
 KIND = "geometric"
@@ -151,7 +152,7 @@ def write_map(path: Path, array: Array) -> None:
 
 
 def write_workspace(workspace: Workspace, maps: Sequence[DepthMap]) -> None:
-    """Add what others need to use the maps: photos of the maps' size, a COLMAP model, and the list for fusion."""
+    """Add what others need to use the maps: photos of their size, a model that ties them, the list for fusion."""
     workspace.lay_out()
     cameras = []
     for each in maps:
@@ -159,27 +160,8 @@ def write_workspace(workspace: Workspace, maps: Sequence[DepthMap]) -> None:
         cameras.append(each.view.camera.resized(width, height))
         write_png(workspace.image(each.view.name), _resized(load_view(each.view)[0], width, height))
     names = [f"{each.view.name}.png" for each in maps]
-    write_model(workspace.sparse, names, cameras)
+    write_model(tied_model(names, cameras, lambda index: read_map(maps[index].depth)), workspace.sparse)
     workspace.fusion_list.write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
-
-
-def write_model(folder: Path, names: Sequence[str], cameras: Sequence[Camera]) -> None:
-    """Write a COLMAP text model without points, a camera for each image."""
-    folder.mkdir(parents=True, exist_ok=True)
-    listed = ["# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"]
-    posed = ["# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME, then POINTS2D[]"]
-    for number, (name, camera) in enumerate(zip(names, cameras, strict=True), start=1):
-        focal = (camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2])
-        listed.append(f"{number} PINHOLE {camera.width} {camera.height} {_numbers(focal)}")
-        quaternion = Rotation.from_matrix(camera.R).as_quat(canonical=True)[[3, 0, 1, 2]]
-        posed.append(f"{number} {_numbers(quaternion)} {_numbers(camera.t)} {number} {name}\n")
-    (folder / "cameras.txt").write_text("\n".join(listed) + "\n", encoding="utf-8")
-    (folder / "images.txt").write_text("\n".join(posed) + "\n", encoding="utf-8")
-    (folder / "points3D.txt").write_text("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n", encoding="utf-8")
-
-
-def _numbers(values: Sequence[float] | Array) -> str:
-    return " ".join(repr(float(value)) for value in values)
 
 
 def _resized(picture: Array, width: int, height: int) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from ibrpipe.errors import FormatError, MissingFileError, ShapeError
 from ibrpipe.io.captures import read_capture
 from ibrpipe.io.colmap import read_model
 from ibrpipe.io.dense import DepthMap, Workspace, read_map, write_map, write_workspace
-from ibrpipe.types import Array
+from ibrpipe.types import Array, Camera
 
 
 @pytest.mark.parametrize("shape", [(4, 7), (4, 7, 3), (1, 1)])
@@ -83,3 +84,36 @@ def test_a_workspace_holds_the_cameras_of_the_maps(tmp_path: Path, tiny_lambert:
     for shot, view in zip(shots, views):
         assert (shot.lens.width, shot.lens.height) == (48, 36)
         assert np.allclose(shot.cam_from_world, view.camera.cam_from_world, atol=1e-12)
+
+
+FUSE = """
+import cv2, sys, pycolmap
+pycolmap.logging.minloglevel = 2
+options = pycolmap.StereoFusionOptions()
+options.min_num_pixels = 3
+found = pycolmap.stereo_fusion(sys.argv[2], sys.argv[1], options=options)
+print(len(found.points3D), sum(abs(float(p.xyz[2]) - 5.0) < 0.02 for p in found.points3D.values()))
+"""
+
+
+def test_pycolmap_fuses_the_workspace(tmp_path: Path, tiny_lambert: Path) -> None:
+    # three cameras side by side that look at the plane z = 5
+    views = read_capture(tiny_lambert).train[:3]
+    workspace = Workspace(tmp_path / "dense")
+    workspace.lay_out()
+    maps = []
+    for number, view in enumerate(views):
+        matrix = np.array([[90.0, 0, 48], [0, 90, 36], [0, 0, 1]])
+        pose = np.concatenate([np.eye(3), [[-0.3 * number], [0], [0]]], axis=1)
+        moved = replace(view, camera=Camera(matrix, pose, 96, 72))
+        write_map(workspace.depth(view.name), np.full((72, 96), 5.0))
+        write_map(workspace.normal(view.name), np.tile([0.0, 0, -1], (72, 96, 1)))
+        maps.append(DepthMap(moved, workspace.depth(view.name), workspace.normal(view.name)))
+    write_workspace(workspace, maps)
+    (tmp_path / "out").mkdir()
+    command = [sys.executable, "-c", FUSE, str(workspace.root), str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    count, right = map(int, done.stdout.split())
+    assert count > 1000
+    assert right == count
