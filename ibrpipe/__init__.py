@@ -10,7 +10,7 @@ from ibrpipe.version import VERSION as __version__
 if TYPE_CHECKING:
     from ibrpipe.io.assets import read_asset, write_asset
     from ibrpipe.io.captures import read_capture
-    from ibrpipe.io.materials import read_relief_mesh
+    from ibrpipe.io.materials import read_relief_mesh, read_relief_meshes
     from ibrpipe.relief_mesh import ReliefMesh
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
     from ibrpipe.renderers.composite import composite
@@ -43,6 +43,7 @@ _HOME = {
     "read_asset": "io.assets",
     "read_capture": "io.captures",
     "read_relief_mesh": "io.materials",
+    "read_relief_meshes": "io.materials",
     "render": "renderers.api",
     "write_asset": "io.assets",
 }
@@ -66,6 +67,7 @@ __all__ = [
     "read_asset",
     "read_capture",
     "read_relief_mesh",
+    "read_relief_meshes",
     "render",
     "renderers",
     "write_asset",

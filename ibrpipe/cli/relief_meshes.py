@@ -18,6 +18,7 @@ _VECTOR = (float, float, float)
     epilog=example(
         "ibrpipe relief map teapot.ply --relief materials/rock --repeat 4 4 --light 5 8 6 --out frames",
         "ibrpipe relief map scene.glb --path orbit:frames=24,up=y --model shell --out frames",
+        "ibrpipe relief map flag.obj --height cloth.png --moved flag/ --light 1 2 3 --out frames",
         "ibrpipe relief map bunny/quad.obj --packed bunny/packed.png --thickness 0.12 --edges cut --out frames",
     ),
 )
@@ -71,9 +72,21 @@ _VECTOR = (float, float, float)
     show_default=True,
     help="How hits are found.",
 )
+@click.option(
+    "--linear-steps", type=click.IntRange(1, 4096), default=32, show_default=True, help="Steps at grazing views."
+)
+@click.option("--least-steps", type=click.IntRange(1, 4096), default=10, show_default=True, help="Steps seen straight.")
+@click.option("--binary-steps", type=click.IntRange(0, 64), default=8, show_default=True, help="Halvings after them.")
+@click.option(
+    "--anisotropy", type=click.IntRange(0, 64), default=8, show_default=True,
+    help="Probes of a pixel's footprint; 0: no mip maps.",
+)  # fmt: skip
 @click.option("--light", type=_VECTOR, help="Place of a lamp.  [default: colours as they are]")
 @click.option("--sun", type=_VECTOR, help="Direction toward a distant light.")
 @click.option("--shadows/--no-shadows", default=True, show_default=True, help="The relief shades itself.")
+@click.option(
+    "--moved", type=PATH, metavar="DIR", help="Deformed copies of MESH in order of names, one for each frame."
+)
 @click.option(
     "--path", default="orbit:frames=1,up=y", show_default=True, help="Orbit, COLMAP model folder, or transforms.json."
 )
@@ -81,9 +94,12 @@ _VECTOR = (float, float, float)
     "--repeats", type=click.IntRange(1, 1000), default=1, show_default=True, help="Times each frame is timed."
 )
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the frames.")
-def mesh_map(mesh: Path, path: str, repeats: int, out: Path, as_json: bool, **given: Any) -> None:
+def mesh_map(mesh: Path, moved: Path | None, path: str, repeats: int, out: Path, as_json: bool, **given: Any) -> None:
     """Render MESH (glTF, OBJ, PLY or STL) with a relief mapped onto its polygons: OpenEXR with depth, and PNG."""
-    from ibrpipe.io.materials import read_relief_mesh
+    import numpy as np
+
+    from ibrpipe.io.materials import read_relief_meshes
+    from ibrpipe.io.mesh_materials import read_moved
     from ibrpipe.io.paths import is_orbit, orbit, parse_orbit, read_path
     from ibrpipe.stages.relief_objects import render_path
 
@@ -91,16 +107,19 @@ def mesh_map(mesh: Path, path: str, repeats: int, out: Path, as_json: bool, **gi
         raise click.UsageError("give --light or --sun, not both")
     light = given.pop("light") or ((*given["sun"], 0.0) if given["sun"] else None)
     given.pop("sun")
-    look = {name: given.pop(name) for name in ("mapping", "model", "search", "shadows")}
-    source = read_relief_mesh(mesh, **given)
-    vertices = source.mesh.vertices
+    look = {name: given.pop(name) for name in ("mapping", "model", "search", "shadows", "anisotropy")}
+    look |= {name: given.pop(name) for name in ("linear_steps", "least_steps", "binary_steps")}
+    sources = read_relief_meshes(mesh, **given)
+    places = read_moved(moved) if moved else []
+    vertices = np.concatenate([source.mesh.vertices for source in sources])
     bounds = vertices.min(axis=0), vertices.max(axis=0)
     cameras = orbit(parse_orbit(path), bounds) if is_orbit(path) else read_path(Path(path))
-    entries = render_path(source, cameras, out, {"light": light, **look}, repeats)
+    entries = render_path(sources, cameras, out, {"light": light, **look}, repeats, places)
     if as_json:
         click.echo(json.dumps([{key: each[key] for key in ("view", "ms", "width", "height")} for each in entries]))
         return
-    click.echo(f"{out}: {len(entries)} frame{'s' if len(entries) > 1 else ''}, thickness {source.thickness:.6g}")
+    thick = ", ".join(f"{source.thickness:.6g}" for source in sources)
+    click.echo(f"{out}: {len(entries)} frame{'s' if len(entries) > 1 else ''}, thickness {thick}")
 
 
 mesh_map.params.append(json_option)

@@ -1,21 +1,16 @@
-"""Textured meshes with a relief: glTF and OBJ with the textures of their material, or with files given beside them.
-
-In files v counts upward and normal maps are those of OpenGL (green up); both are turned here, once.
-"""
+"""Textured meshes with a relief: glTF and OBJ with the textures of their materials, or with files given beside them."""
 
 from __future__ import annotations
 
-import logging
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ibrpipe.core.color import srgb_decode
-from ibrpipe.errors import FormatError, IbrError, MissingFileError, ShapeError, ValueRangeError
+from ibrpipe.errors import FormatError, IbrError, ShapeError, ValueRangeError
 from ibrpipe.io.image_files import read_stored
-from ibrpipe.io.meshes import SUFFIXES
+from ibrpipe.io.mesh_materials import Textured, read_materials, read_textured
 from ibrpipe.io.relief_images import read_color, read_height, read_normals, read_relief_folder
 from ibrpipe.io.uv_maps import map_mesh
 from ibrpipe.relief_mesh import ReliefMesh
@@ -23,18 +18,6 @@ from ibrpipe.types import Array, Mesh
 
 #: thickness of a relief that is not told, as a share of the mean size of one texture on the mesh
 THICKNESS = 0.05
-
-
-@dataclass(frozen=True, eq=False)
-class Textured:
-    """A mesh as a file brings it: texture coordinates (F, 3, 2) with v downward, and its textures, or None."""
-
-    mesh: Mesh
-    uv: Array | None
-    normals: Array | None
-    color: Array | None
-    normal: Array | None
-    height: Array | None
 
 
 def read_relief_mesh(
@@ -58,12 +41,12 @@ def read_relief_mesh(
     Parameters
     ----------
     path : path
-        glTF, GLB, OBJ, PLY or STL. All its parts become one mesh with one material.
+        glTF, GLB, OBJ, PLY or STL. All its parts become one mesh with one material; see `read_relief_meshes` for more.
     relief : path, optional
         Folder with ``height.*`` and, where there are any, ``color.*`` and ``normal_gl.*``.
     height, color, normal : path, optional
-        Single files; they come before the folder's, and those before the textures of the mesh file. Where no height map
-        is given, heights are the alpha of the normal map.
+        Single files; they come before the folder's, and those before the textures of the mesh file: for heights an OBJ
+        material's ``disp`` or grey ``map_Bump``, else the alpha of the normal map.
     packed : path, optional
         Image of four channels: x and y of the normal, depth of the front, depth of the back (see `write_packed`).
     thickness : float, optional
@@ -89,8 +72,53 @@ def read_relief_mesh(
     MissingFileError, FormatError, ShapeError, ValueRangeError
         Files are missing or damaged, there is no height, or heights leave 0 to 1.
     """
+    options = locals()
+    file = Path(options.pop("path"))
+    return _relief_of(file, read_textured(file), **options)
+
+
+def read_relief_meshes(path: str | Path, relief: str | Path | None = None, **options: Any) -> list[ReliefMesh]:
+    """Read a mesh file of several materials: one relief mesh for each, to be rendered as a list.
+
+    Parameters
+    ----------
+    path, relief, options
+        As `read_relief_mesh` takes them; files that are given take the place of every material's.
+
+    Returns
+    -------
+    list of ReliefMesh
+        Where some materials bring heights, those that bring none are flat.
+
+    Raises
+    ------
+    as `read_relief_mesh`
+    """
     file = Path(path)
-    found = read_textured(file)
+    found = read_materials(file)
+    if any(each.height is not None for each in found):
+        flat = np.full((1, 1), options.get("height_range", (0.0, 1.0))[1], np.float32)
+        found = [each if each.height is not None else replace(each, height=flat) for each in found]
+    return [_relief_of(file, each, relief, **options) for each in found]
+
+
+def _relief_of(
+    file: Path,
+    found: Textured,
+    relief: str | Path | None = None,
+    *,
+    height: str | Path | None = None,
+    color: str | Path | None = None,
+    normal: str | Path | None = None,
+    packed: str | Path | None = None,
+    thickness: float | None = None,
+    height_range: tuple[float, float] = (0.0, 1.0),
+    repeat: tuple[float, float] = (1.0, 1.0),
+    uv: str = "auto",
+    up: str = "y",
+    edges: str = "wrap",
+    green_up: bool = True,
+) -> ReliefMesh:
     pictures: dict[str, Any] = {"color": found.color, "normal": found.normal, "height": found.height, "back": None}
     if relief is not None:
         folder = read_relief_folder(relief)
@@ -141,106 +169,6 @@ def _coordinates(file: Path, found: Textured, uv: str, up: str) -> Array:
     if uv in ("auto", "file") and found.uv is not None:
         return found.uv
     return map_mesh(found.mesh, "cylinder" if uv == "auto" else uv, up)
-
-
-def read_textured(path: Path) -> Textured:
-    """Read a mesh file with texture coordinates and the textures of its material, where it has them.
-
-    Raises
-    ------
-    MissingFileError, FormatError
-        The file is missing, damaged, or has several materials.
-    """
-    import trimesh
-
-    if path.suffix.lower() not in SUFFIXES:
-        raise FormatError(f"{path}: unknown kind of mesh file; expected {', '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise MissingFileError(f"{path}: the mesh does not exist")
-    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
-    try:
-        scene = trimesh.load_scene(str(path), process=False)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, ArithmeticError) as error:
-        raise FormatError(f"{path}: the mesh is damaged ({' '.join(str(error).split())}); export it again") from error
-    if not parts:
-        raise FormatError(f"{path}: holds no triangles; give a surface, not a point cloud or an empty file")
-    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
-    try:
-        mesh = Mesh(
-            np.concatenate([np.asarray(part.vertices, np.float64) for part in parts]),
-            np.concatenate([np.asarray(part.faces, np.int64) + start for part, start in zip(parts, starts)]),
-        )
-    except IbrError as error:
-        raise FormatError(f"{path}: {error}") from error
-    found = [getattr(part.visual, "uv", None) for part in parts]
-    uv = None
-    if all(each is not None and len(each) for each in found):
-        uv = np.concatenate([np.asarray(each, np.float64)[part.faces] for each, part in zip(found, parts)])
-        uv = np.ascontiguousarray(np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1))
-    return Textured(mesh, uv, _stored_normals(parts), *_textures(path, parts))
-
-
-def _stored_normals(parts: list[Any]) -> Array | None:
-    """(F, 3, 3) normals of the corners where all parts bring them."""
-    if not all("vertex_normals" in part._cache.cache for part in parts):
-        return None
-    normals = np.concatenate([np.asarray(part.vertex_normals)[part.faces] for part in parts])
-    lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
-    return (normals / lengths).astype(np.float32) if (lengths > 0.5).all() else None
-
-
-def _textures(path: Path, parts: list[Any]) -> tuple[Array | None, Array | None, Array | None]:
-    """Colour (linear), normals and heights (alpha of the normal map) of the one material."""
-    materials = {id(part.visual.material): part.visual.material for part in parts if hasattr(part.visual, "material")}
-    shown = [each for each in materials.values() if _image(each) is not None or _normal_image(path, each) is not None]
-    if len(shown) > 1:
-        raise FormatError(f"{path}: has {len(shown)} textured materials; split it and read one at a time")
-    if not shown:
-        return None, None, None
-    image, bumps = _image(shown[0]), _normal_image(path, shown[0])
-    color = normal = height = None
-    if image is not None:
-        color = srgb_decode(np.asarray(image.convert("RGB"), np.float32) / 255.0)
-        factor = getattr(shown[0], "baseColorFactor", None)
-        if factor is not None:
-            scale = np.asarray(factor, np.float64)[:3]
-            color = color * (scale / 255.0 if np.asarray(factor).dtype == np.uint8 else scale)
-        color = np.ascontiguousarray(color, np.float32)
-    if bumps is not None:
-        if "A" in bumps.getbands():
-            height = np.asarray(bumps.getchannel("A"), np.float32) / 255.0
-        normal = _decoded(2.0 * np.asarray(bumps.convert("RGB"), np.float64) / 255.0 - 1.0, path)
-    return color, normal, height
-
-
-def _image(material: Any) -> Any:
-    return getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-
-
-def _normal_image(path: Path, material: Any) -> Any:
-    from PIL import Image
-
-    image = getattr(material, "normalTexture", None)
-    names = getattr(material, "kwargs", None) or {}
-    for key in ("norm", "map_kn"):
-        if image is None and names.get(key):
-            file = path.parent / str(names[key][-1])
-            if not file.is_file():
-                raise MissingFileError(f"{file}: the normal map that {path.name} names does not exist")
-            image = Image.open(file)
-    return image
-
-
-def _decoded(normal: Array, path: Path) -> Array:
-    """Turn the green of a normal map downward, make its vectors unit."""
-    normal = normal * (1.0, -1.0, 1.0)
-    length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    if not (length > 1e-3).all():
-        raise ValueRangeError(f"{path}: its normal map holds vectors without a length; export it again")
-    normal = normal / length
-    normal[..., 2] = np.maximum(normal[..., 2], 0.0)
-    return np.ascontiguousarray(normal, np.float32)
 
 
 def _alpha(path: Path) -> Array | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.embree import Hits, MeshCaster
-from ibrpipe.errors import ValueRangeError
+from ibrpipe.errors import ShapeError, ValueRangeError
 from ibrpipe.io.materials import write_packed
 from ibrpipe.io.paths import CameraPath
 from ibrpipe.relief_mesh import ReliefMesh
@@ -113,18 +113,31 @@ def write_relief_quad(source: ReliefMesh, out: Path) -> None:
 
 
 def render_path(
-    source: ReliefMesh, path: CameraPath, out: Path, options: Mapping[str, Any], repeats: int = 1
+    sources: Sequence[ReliefMesh],
+    path: CameraPath,
+    out: Path,
+    options: Mapping[str, Any],
+    repeats: int = 1,
+    moved: Sequence[Array] = (),
 ) -> list[dict[str, Any]]:
-    """Render a relief-mapped mesh along a path -> entries of ``frames.json``, which is written beside the frames."""
+    """Render relief-mapped meshes along a path -> entries of ``frames.json``, which is written beside the frames.
+
+    `moved`: vertices (V, 3) of the one mesh for every frame; a path of one view is then seen from all the time.
+    """
     out.mkdir(parents=True, exist_ok=True)
-    prepared = prepare(source, "relief")
-    render(prepared, path[0][1].resized(8, 8), "relief", **options)  # compiles, outside the timer
+    prepared, frames = prepare(list(sources), "relief"), list(path)
+    if moved and len(frames) == 1:
+        frames = [(f"{frames[0][0]}_{k:04d}", frames[0][1]) for k in range(len(moved))]
+    if moved and len(moved) != len(frames):
+        raise ShapeError(f"there are {len(moved)} moved meshes for {len(frames)} views; give one for each, or one view")
+    render(prepared, frames[0][1].resized(8, 8), "relief", **options)  # compiles, outside the timer
     entries = []
-    for name, camera in path:
+    for number, (name, camera) in enumerate(frames):
+        more = {**options, "vertices": moved[number]} if moved else options
         milliseconds = []
         for _ in range(repeats):
             began = perf_counter()
-            frame = render(prepared, camera, "relief", **options)
+            frame = render(prepared, camera, "relief", **more)
             milliseconds.append(1e3 * (perf_counter() - began))
         files = write_frame(frame, out / name)
         entries.append(frame_entry(name, "relief", camera, frame, files, median(milliseconds)))

@@ -50,6 +50,23 @@ def test_dual_depth_object_keeps_its_outline(tmp_path, ball):
     assert min(shares) == 0.0  # nothing from behind
 
 
+def test_deformed_copies_one_for_each_frame(tmp_path, ball):
+    (tmp_path / "moved").mkdir()
+    for k, size in enumerate((1.0, 1.3)):
+        mesh = trimesh.load(ball, process=False)
+        mesh.vertices *= size
+        mesh.export(tmp_path / f"moved/ball_{k}.ply")
+    words = ("relief", "map", ball, "--height", tmp_path / "height.png", "--search", "linear-binary",
+             "--linear-steps", 16, "--anisotropy", 0, "--moved", tmp_path / "moved",
+             "--out", tmp_path / "f")  # fmt: skip
+    assert call(*words, "--path", "orbit:frames=1,width=40,height=30,up=y").exit_code == 0
+    small, large = (np.isfinite(read_depth(file)).mean() for file in sorted((tmp_path / "f").glob("*.exr")))
+    assert 1.4 < large / small < 2.0
+    wrong = call(*words, "--path", "orbit:frames=3,width=40,height=30,up=y")
+    assert wrong.exit_code == 1
+    assert "2 moved meshes for 3 views" in wrong.output
+
+
 def test_failures_are_one_line(tmp_path, ball):
     done = call("relief", "map", ball, "--out", tmp_path / "f")
     assert done.exit_code == 1

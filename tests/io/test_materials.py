@@ -135,3 +135,46 @@ def test_made_texture_coordinates(way):
         assert np.abs(gap - np.round(gap))[away].max() < 1e-9
     with pytest.raises(ibrpipe.IbrError, match="choose among"):
         map_mesh(mesh, "fish")
+
+
+def two_materials(tmp_path, second="map_Bump bumps.png"):
+    """Two squares side by side, the first red with heights, the second blue."""
+    Image.fromarray(np.full((2, 2, 3), (255, 0, 0), np.uint8)).save(tmp_path / "red.png")
+    Image.fromarray(np.tile(np.arange(0, 240, 40, dtype=np.uint8), (4, 1))).save(tmp_path / "bumps.png")
+    normal_image(alpha=False).save(tmp_path / "normal.png")
+    (tmp_path / "two.mtl").write_text(
+        f"newmtl a\nKd 1 1 1\nmap_Kd red.png\ndisp bumps.png\nnewmtl b\nKd 0 0 1\n{second}\n"
+    )
+    lines = ["mtllib two.mtl", *("vt {} {}".format(*each) for each in UV)]
+    for x in (0, 3):
+        lines += ["v {} {} {}".format(*place) for place in PLACES + np.array([x, 0, 0])]
+    lines += ["usemtl a", "f 1/1 2/2 3/3", "f 1/1 3/3 4/4", "usemtl b", "f 5/1 6/2 7/3", "f 5/1 7/3 8/4"]
+    (tmp_path / "two.obj").write_text("\n".join(lines))
+    return tmp_path / "two.obj"
+
+
+def test_several_materials_become_several_sources(tmp_path):
+    path = two_materials(tmp_path)
+    one, other = ibrpipe.read_relief_meshes(path, thickness=0.3)
+    np.testing.assert_allclose(one.height[0], np.arange(0, 240, 40) / 255, atol=1e-6)
+    np.testing.assert_allclose(other.height, one.height)
+    assert (one.mesh.vertices[:, 0].max(), other.mesh.vertices[:, 0].min()) == (2, 3)
+    view = ibrpipe.Camera.look_at((2.5, 1.01, 9), (2.5, 1, 0), up=(0, 1, 0), width=40, height=20)
+    frame = ibrpipe.render([one, other], view, "relief")
+    np.testing.assert_allclose(frame.color[10, 12], [1, 0, 0], atol=1e-3)
+    np.testing.assert_allclose(frame.color[10, 27], [0, 0, 1], atol=1e-3)
+    with pytest.raises(ibrpipe.IbrError, match="2 textured materials; read it with read_relief_meshes"):
+        ibrpipe.read_relief_mesh(path)
+
+
+def test_materials_without_heights_are_flat_and_coloured_bumps_are_normals(tmp_path):
+    one, other = ibrpipe.read_relief_meshes(two_materials(tmp_path, "map_Bump normal.png"), height_range=(0, 2))
+    assert one.height.max() < 0.5
+    assert (other.height == 1.0).all()
+    assert other.normal[0, 0, 1] < -0.3
+    plain = ibrpipe.read_relief_meshes(two_materials(tmp_path, ""))[1]
+    assert (plain.height == 1.0).all()
+    np.testing.assert_allclose(plain.color, [[[0, 0, 1]]])
+    (tmp_path / "bumps.png").unlink()
+    with pytest.raises(ibrpipe.IbrError, match=r"bumps.png: the map that two.obj names does not exist"):
+        ibrpipe.read_relief_meshes(tmp_path / "two.obj")
