@@ -23,9 +23,12 @@ from ibrpipe.core.jit import fused, kernel
 
 #: how far beyond an edge a ray is taken to be in the next cell, in cells
 NUDGE = 1e-9
-#: rows of the working memory, LANES numbers each: 1 / Q, where a ray starts and ends, its hit, entry of its table
-INV0, INV1, NEAR, FAR, HIT, ENTRY = (ec.LANES * n for n in range(6))
+#: rows of the working memory, LANES numbers each: 1 / Q, where a ray starts and ends, where its table begins and its
+#: camera depth per column
+INV0, INV1, NEAR, FAR, ALONG, PACE = (ec.LANES * n for n in range(6))
 RAYS = ec.LANES * 6
+#: row of hits, in float32, where the way of walked rays was
+HIT = ec.S
 #: state of a ray that is not hit in the cell where it stopped
 PASSES = 3.0
 #: bounds of float32 directions, and by how much the end of a ray is moved out
@@ -67,8 +70,8 @@ def set_out(x0, y0, P0, P1, P2, turn, box, eye, rays):
 
 
 @fused
-def look_up(number, sectors, along, x0, y0, table, rays):
-    # let the rays of one sector start where its table says; along: place of the eye along the sector's rays
+def find_entries(number, sectors, along, x0, y0, rays, places):
+    # places: entry of the table of the rays of one sector; along: place of the eye along the sector's rays
     l0, l1, l2, lines = sectors[number, 0], sectors[number, 1], sectors[number, 2], sectors[number, el.LINES]
     b0, b1, b2, bins = sectors[number, 6], sectors[number, 7], sectors[number, 8], sectors[number, el.BINS]
     first, line_step, bin_step = sectors[number, el.FIRST], sectors[number, el.LINE_STEP], sectors[number, el.BIN_STEP]
@@ -79,15 +82,30 @@ def look_up(number, sectors, along, x0, y0, table, rays):
         line_y, bin_y = l1 * py + l2, b1 * py + b2
         for k in range(ec.TILE_X):
             px, n = x0 + k + 0.5, start + k
-            turned = rays[inverse + n] * sign
+            pace, across = rays[inverse + n], abs(rays[other + n])
+            turned = pace * sign
             line = np.floor((l0 * px + line_y) * turned)
             place = np.floor(b0 * px + bin_y)
             known = (line >= 0.0) & (line < lines) & (place >= 0.0) & (place < bins)
-            across = abs(rays[other + n])
             known &= (turned > 0.0) & ((turned <= across) if number < 2 else (turned < across))
-            rays[ENTRY + n] = first + line * line_step + place * bin_step if known else 0.0
+            entry = first + line * line_step + place * bin_step
+            places[n] = np.int32(entry if known else np.float64(places[n]))
+            rays[ALONG + n] = along if known else rays[ALONG + n]
+            rays[PACE + n] = turned if known else rays[PACE + n]
+
+
+@fused
+def clear_entries(rays, places):
+    # rays of no sector start where they enter the box
     for n in range(ec.LANES):
-        t = (table[np.uint32(np.int64(rays[ENTRY + n]))] - along) * abs(rays[inverse + n])
+        places[n], rays[ALONG + n], rays[PACE + n] = 0, 0.0, 1.0
+
+
+@fused
+def look_up(table, rays, places):
+    # let rays start where the table says
+    for n in range(ec.LANES):
+        t = (table[np.uint32(places[n])] - rays[ALONG + n]) * rays[PACE + n]
         rays[NEAR + n] = t if t > rays[NEAR + n] else rays[NEAR + n]
 
 
@@ -191,7 +209,7 @@ def meet(x0, y0, P0, P1, P2, turn, rays, work):
             state = work[ec.STATE + n]
             stops, hits = state == ec.STOPS, is_hit(f0, f1, bend)
             t = hit_between(t0, t1, f0, f1, bend)
-            rays[HIT + n] = t if stops & hits else np.inf
+            work[HIT + n] = np.float32(t if stops & hits else np.inf)
             work[ec.STATE + n] = PASSES if stops & (not hits) else state
 
 
@@ -199,6 +217,8 @@ def meet(x0, y0, P0, P1, P2, turn, rays, work):
 def find_late(work):
     # list the rays that are not done -> how many they are
     kept = 0
+    if ec.count_rays(ec.LANES, np.float32(ec.GOES_ON), work) + ec.count_rays(ec.LANES, np.float32(PASSES), work) == 0:
+        return kept
     for n in range(ec.LANES):
         work[ec.LANE + kept] = n
         kept += 1 if (work[ec.STATE + n] == ec.GOES_ON) | (work[ec.STATE + n] == PASSES) else 0
@@ -227,7 +247,7 @@ def walk_on(x, y, lane, flat, stride, nodes, meta, grid, P0, P1, P2, turn, colum
         flat, stride, nodes, meta, grid, P0, P1, P2, q0, q1, q2, i0, i1, min(t0, t1), far, np.nan, i, j, columns, rows
     )  # fmt: skip
     if i >= 0:
-        rays[HIT + lane], work[ec.CI + lane], work[ec.CJ + lane] = hit_between(t0, t1, f0, f1, bend), i, j
+        work[HIT + lane], work[ec.CI + lane], work[ec.CJ + lane] = hit_between(t0, t1, f0, f1, bend), i, j
 
 
 @fused
@@ -248,8 +268,9 @@ def cast_heights(flat, stride, nodes, meta, grid, start, turn, box, eye, sectors
     picture_rows, picture_columns = depth.shape
     tiles_x, tiles_y = -(-picture_columns // ec.TILE_X), -(-picture_rows // ec.TILE_Y)
     room, room_32 = np.empty((parts, RAYS)), np.empty((2, parts, ec.WORK), np.float32)
+    room_i = np.empty((parts, ec.LANES), np.int32)
     for part in prange(parts):
-        rays, work, late = room[part], room_32[0, part], room_32[1, part]
+        rays, work, late, places = room[part], room_32[0, part], room_32[1, part], room_i[part]
         P0, P1, P2 = start[0], start[1], start[2]
         columns, rows = box[0], box[1]
         columns_32, rows_32 = np.float32(columns), np.float32(rows)
@@ -263,28 +284,31 @@ def cast_heights(flat, stride, nodes, meta, grid, start, turn, box, eye, sectors
             y0, x0 = (tile // tiles_x) * ec.TILE_Y, (tile % tiles_x) * ec.TILE_X
             y1, x1 = min(y0 + ec.TILE_Y, picture_rows), min(x0 + ec.TILE_X, picture_columns)
             set_out(x0, y0, P0, P1, P2, turn, box, eye, rays)
+            clear_entries(rays, places)
             for number in range(4):
                 if sectors[number, el.USED] > 0.0 and crosses(number, x0, y0, x1, y1, turn):
                     along = P0 if number < 2 else P1
                     if number & 1:
                         along = (columns if number < 2 else rows) - along
-                    look_up(number, sectors, along, x0, y0, table, rays)
+                    find_entries(number, sectors, along, x0, y0, rays, places)
+            look_up(table, rays, places)
             if enter_cells(x0, y0, P0, P1, P2, turn, columns, rows, steepest, rays, work) == 0:
                 continue
-            for _ in range(first_blocks):
-                ec.cross_blocks(
-                    ec.LANES, nodes, first, block_stride, size, low, step, columns_32, rows_32, doubt, work
-                )  # fmt: skip
-            ec.advance(ec.LANES, flat, stride, columns_32, rows_32, doubt, work)
-            going, passed = ec.leave_behind(ec.LANES, work, late), ec.STRIDE
+            going, passed, blocks, batch = ec.LANES, 0, first_blocks, work
             while going > 0 and passed < ec.PATIENCE:
-                for _ in range(LATE_BLOCKS):
+                count = ec.whole_vectors(going)
+                for _ in range(blocks):
                     ec.cross_blocks(
-                        going, nodes, first, block_stride, size, low, step, columns_32, rows_32, doubt, late
+                        count, nodes, first, block_stride, size, low, step, columns_32, rows_32, doubt, batch, places
                     )  # fmt: skip
-                ec.advance(going, flat, stride, columns_32, rows_32, doubt, late)
-                going, passed = ec.bring_back(going, late, work), passed + ec.STRIDE
-            ec.gather_heights(ec.LANES, flat, stride, work)
+                left = ec.advance(
+                    count, flat, stride, columns_32, rows_32, doubt, batch, places
+                )  # fmt: skip
+                passed, blocks = passed + ec.STRIDE, LATE_BLOCKS
+                if passed == ec.STRIDE:
+                    going, batch = ec.leave_behind(left, work, late), late
+                elif left < ec.CROWDED * going or passed >= ec.PATIENCE:
+                    going = ec.bring_back(going, late, work)
             meet(x0, y0, P0, P1, P2, turn, rays, work)
             for n in range(find_late(work)):
                 lane = int(work[ec.LANE + n])
@@ -292,21 +316,22 @@ def cast_heights(flat, stride, nodes, meta, grid, start, turn, box, eye, sectors
                 walk_on(
                     x, y, lane, flat, stride, nodes, meta, grid, P0, P1, P2, turn, columns, rows, rays, work
                 )  # fmt: skip
-            enter_hits(x0, y0, x1 - x0, y1 - y0, stride, base, rays, work, depth, ids)
+            enter_hits(x0, y0, x1 - x0, y1 - y0, stride, base, work, places, depth, ids)
 
 
 @fused
-def enter_hits(x0, y0, wide, high, stride, base, rays, work, depth, ids):
+def enter_hits(x0, y0, wide, high, stride, base, work, places, depth, ids):
     # a hit replaces another when it is nearer, or as near with a lesser number
+    for n in range(ec.LANES):
+        places[n] = np.int32(work[ec.CJ + n]) * np.int32(stride - 1) + np.int32(work[ec.CI + n]) + np.int32(base)
     for row in range(high):
-        y, start = y0 + row, row * ec.TILE_X
+        y, start = np.uint64(y0 + row), row * ec.TILE_X
         for k in range(wide):
-            t, x = np.float32(rays[HIT + start + k]), x0 + k
-            cell = np.int64(work[ec.CJ + start + k]) * (stride - 1) + np.int64(work[ec.CI + start + k])
-            number = np.uint32(base + cell)
+            t, number, x = work[HIT + start + k], np.uint32(places[start + k]), np.uint64(x0) + np.uint64(k)
             before, other = depth[y, x], ids[y, x]
-            nearer = (t < before) | ((t == before) & (t < np.inf) & (number < other))
-            depth[y, x], ids[y, x] = t if nearer else before, number if nearer else other
+            nearer = (t < before) | ((t == before) & (t < np.float32(np.inf)) & (number < other))
+            depth[y, x] = t if nearer else before
+            ids[y, x] = number if nearer else other
 
 
 @fused

@@ -29,16 +29,21 @@ A, B, C, E, LANE = (LANES * n for n in range(15, 20))
 WORK = LANES * 20
 #: states of a ray
 GOES_ON, STOPS, ENDS = 0.0, 1.0, 2.0
+#: rays are walked in whole vectors of this many; the last one is filled up with rays whose walk has ended
+VECTOR = 16
+#: share of late rays that go on, below which they move up
+CROWDED = 0.75
 
 
 @fused
-def gather_heights(count, flat, stride, work):
-    # flat: heights; the four at the corners of every ray's cell
+def gather_heights(count, flat, stride, work, places):
+    # flat: heights; the four at the corners of every ray's cell; places (LANES,) i32 working memory
     for n in range(count):
-        cell = np.uint32(np.int32(work[CJ + n]) * np.int32(stride) + np.int32(work[CI + n]))
+        places[n] = np.int32(work[CJ + n]) * np.int32(stride) + np.int32(work[CI + n])
+    for n in range(count):
+        cell = np.uint32(places[n])
         work[A + n], work[B + n] = flat[cell], flat[cell + np.uint32(1)]
-    for n in range(count):
-        cell = np.uint32((np.int32(work[CJ + n]) + np.int32(1)) * np.int32(stride) + np.int32(work[CI + n]))
+        cell += np.uint32(stride)
         work[C + n], work[E + n] = flat[cell], flat[cell + np.uint32(1)]
 
 
@@ -80,19 +85,22 @@ def cross_cells(count, columns, rows, doubt, work):
 
 
 @fused
-def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, doubt, work):
+def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, doubt, work, places):
     # rays that pass above or below the block that they are in go on to where they leave it
     # nodes: see quadtree, from `first` on, `stride` to a row; size (cells) of blocks; low, step: depths of their bounds
     zero, one = np.float32(0.0), np.float32(1.0)
     share = one / size
     for n in range(count):
         bi, bj = np.floor(work[CI + n] * share), np.floor(work[CJ + n] * share)
-        node = nodes[np.uint32(np.int32(bj) * np.int32(stride) + np.int32(bi) + np.int32(first))]
-        work[A + n], work[B + n] = np.float32(node & np.uint32(65535)), np.float32(node >> np.uint32(16))
+        places[n] = np.int32(bj) * np.int32(stride) + np.int32(bi) + np.int32(first)
+    for n in range(count):
+        places[n] = np.int32(nodes[np.uint32(places[n])])
     for n in range(count):
         du, dv, dd, au, av = work[DU + n], work[DV + n], work[DD + n], work[AU + n], work[AV + n]
         i, j, s0, u0, v0, d0 = work[CI + n], work[CJ + n], work[S + n], work[U0 + n], work[V0 + n], work[D0 + n]
-        i0, j0, least, greatest = work[BI + n], work[BJ + n], low + work[A + n] * step, low + work[B + n] * step
+        i0, j0, node = work[BI + n], work[BJ + n], np.uint32(places[n])
+        least = low + np.float32(np.int32(node & np.uint32(65535))) * step
+        greatest = low + np.float32(np.int32(node >> np.uint32(16))) * step
         left, upper = np.floor(i * share) * size, np.floor(j * share) * size
         edge_i, edge_j = left + (size if au > zero else zero), upper + (size if av > zero else zero)
         su, sv, end = (edge_i - i0 - u0) * au, (edge_j - j0 - v0) * av, work[END + n]
@@ -118,18 +126,28 @@ def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, do
 
 
 @fused
-def advance(count, flat, stride, columns, rows, doubt, work):
-    # take rays through some cells
+def advance(count, flat, stride, columns, rows, doubt, work, places):
+    # take rays through some cells -> how many go on
     for _ in range(STRIDE):
-        gather_heights(count, flat, stride, work)
+        gather_heights(count, flat, stride, work, places)
         cross_cells(count, columns, rows, doubt, work)
+    return count_rays(count, np.float32(GOES_ON), work)
 
 
 @fused
-def leave_behind(count, work, late):
-    # copy the rays of a tile that go on to the late ones -> how many they are
-    kept = 0
+def count_rays(count, state, work):
+    # -> how many rays are in a state
+    found = np.float32(0.0)
     for n in range(count):
+        found += np.float32(1.0) if work[STATE + n] == state else np.float32(0.0)
+    return int(found)
+
+
+@fused
+def leave_behind(left, work, late):
+    # copy the `left` rays of a tile that go on to the late ones -> how many they are
+    kept = 0
+    for n in range(LANES if left > 0 else 0):
         late[LANE + kept] = n
         kept += 1 if work[STATE + n] == GOES_ON else 0
     for k in range(kept):
@@ -140,6 +158,7 @@ def leave_behind(count, work, late):
         late[CI + k], late[CJ + k], late[S + k] = work[CI + n], work[CJ + n], work[S + n]
         late[BI + k], late[BJ + k] = work[BI + n], work[BJ + n]
         late[STATE + k] = GOES_ON
+    fill_vector(kept, late)
     return kept
 
 
@@ -150,6 +169,8 @@ def bring_back(count, late, work):
     for n in range(count):
         state, lane = late[STATE + n], np.uint32(late[LANE + n])
         work[STATE + lane], work[CI + lane], work[CJ + lane] = state, late[CI + n], late[CJ + n]
+        work[A + lane], work[B + lane] = late[A + n], late[B + n]
+        work[C + lane], work[E + lane] = late[C + n], late[E + n]
         late[DU + kept], late[DV + kept], late[DD + kept] = late[DU + n], late[DV + n], late[DD + n]
         late[AU + kept], late[AV + kept], late[END + kept] = late[AU + n], late[AV + n], late[END + n]
         late[U0 + kept], late[V0 + kept], late[D0 + kept] = late[U0 + n], late[V0 + n], late[D0 + n]
@@ -157,4 +178,17 @@ def bring_back(count, late, work):
         late[BI + kept], late[BJ + kept], late[LANE + kept] = late[BI + n], late[BJ + n], late[LANE + n]
         late[STATE + kept] = state
         kept += 1 if state == GOES_ON else 0
+    fill_vector(kept, late)
     return kept
+
+
+@fused
+def fill_vector(count, late):
+    # rays that have ended, at a place in the field, after the first `count`
+    for n in range(count, whole_vectors(count)):
+        late[STATE + n], late[CI + n], late[CJ + n] = ENDS, 0.0, 0.0
+
+
+@fused
+def whole_vectors(count):
+    return (count + VECTOR - 1) // VECTOR * VECTOR

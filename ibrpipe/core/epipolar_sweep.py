@@ -40,12 +40,12 @@ def end_of_bins(across, sector):
 @fused
 def bound_columns(number, start, count, left, right, scale, breadth, edges, work):
     # rows of blocks that a line passes in the columns from `start` on; no row where it is outside
+    # left < right and keep > 0, so that the edges of a line do not cross
     for k in range(count):
         keep0, keep1 = edges[number, 0, start + k], edges[number, 0, start + k + 1]
         shift0, shift1 = edges[number, 1, start + k], edges[number, 1, start + k + 1]
         p0, p1, p2, p3 = left * keep0 + shift0, right * keep0 + shift0, left * keep1 + shift1, right * keep1 + shift1
-        q0, q1, q2, q3 = p0 if p0 < p1 else p1, p2 if p2 < p3 else p3, p1 if p0 < p1 else p0, p3 if p2 < p3 else p2
-        least, greatest = (q0 if q0 < q1 else q1) * scale, (q2 if q2 > q3 else q3) * scale
+        least, greatest = (p0 if p0 < p2 else p2) * scale, (p1 if p1 > p3 else p3) * scale
         inside = ((keep0 > el.NEAREST) | (keep1 > el.NEAREST)) & (greatest >= -WIDEN) & (least <= breadth + WIDEN)
         least, greatest = np.floor(least - WIDEN), np.floor(greatest + WIDEN)
         least = least if least > 0.0 else 0.0
@@ -57,7 +57,7 @@ def bound_columns(number, start, count, left, right, scale, breadth, edges, work
 
 
 @fused
-def gather_bounds(start, count, first, along_step, across_step, nodes, work):
+def gather_bounds(start, count, first, along_step, across_step, nodes, work, places):
     # bounds of the blocks of every column
     most = 0.0
     for k in range(count):
@@ -66,10 +66,15 @@ def gather_bounds(start, count, first, along_step, across_step, nodes, work):
     for row in range(int(most) + 1):
         for k in range(count):
             place = work[ROW0 + k] + row
-            inside = place <= work[ROW1 + k]
-            place = place if inside else work[ROW0 + k]
-            node = nodes[np.uint32(first + (start + k) * along_step + np.int64(place) * across_step)]
-            near, far = np.float64(node & np.uint32(65535)), np.float64(node >> np.uint32(16))
+            place = place if place <= work[ROW1 + k] else work[ROW0 + k]
+            places[k] = (
+                np.int32(first) + np.int32(start + k) * np.int32(along_step) + np.int32(place) * np.int32(across_step)
+            )
+        for k in range(count):
+            places[k] = np.int32(nodes[np.uint32(places[k])])
+        for k in range(count):
+            inside, node = work[ROW0 + k] + row <= work[ROW1 + k], np.uint32(places[k])
+            near, far = np.float64(np.int32(node & np.uint32(65535))), np.float64(np.int32(node >> np.uint32(16)))
             near, far = near if inside else 65535.0, far if inside else 0.0
             work[NEAR + k] = near if near < work[NEAR + k] else work[NEAR + k]
             work[FAR + k] = far if far > work[FAR + k] else work[FAR + k]
@@ -84,10 +89,7 @@ def bound_depths(number, start, count, edges, low, high, grid, work):
         drop0, drop1 = edges[number, 2, start + k], edges[number, 2, start + k + 1]
         r0, r1 = edges[number, 3, start + k], edges[number, 3, start + k + 1]
         d0, d1, d2, d3 = (z0 - drop0) * r0, (z0 - drop1) * r1, (z1 - drop0) * r0, (z1 - drop1) * r1
-        least, other = d0 if d0 < d1 else d1, d2 if d2 < d3 else d3
-        least = least if least < other else other
-        greatest, other = d0 if d0 > d1 else d1, d2 if d2 > d3 else d3
-        greatest = greatest if greatest > other else other
+        least, greatest = d0 if d0 < d1 else d1, d2 if d2 > d3 else d3
         work[LOW + k] = least if near <= far else np.inf
         work[HIGH + k] = greatest if near <= far else -np.inf
     for k in range(count):
@@ -126,7 +128,7 @@ def bound_bins(count, left, right, left_end, right_end, bins, least_shift, great
 
 
 @fused
-def sweep_line(line, number, sectors, edges, nodes, meta, grid, work, table):
+def sweep_line(line, number, sectors, edges, nodes, meta, grid, work, places, table):
     sector = sectors[number]
     level = int(sector[el.LEVEL])
     size = 2.0**level
@@ -144,7 +146,7 @@ def sweep_line(line, number, sectors, edges, nodes, meta, grid, work, table):
     for start in range(max(int(sector[el.FROM]), 0), int(sector[el.TO]), CHUNK):
         count = min(CHUNK, int(sector[el.TO]) - start)
         bound_columns(number, start, count, left, right, 1.0 / size, float(breadth), edges, work)
-        gather_bounds(start, count, base, along_step, across_step, nodes, work)
+        gather_bounds(start, count, base, along_step, across_step, nodes, work, places)
         low, high = bound_depths(number, start, count, edges, low, high, grid, work)
         bound_bins(count, left, right, left_end, right_end, float(bins), -WIDEN, WIDEN, sector, work)
         for k in range(count):
@@ -171,7 +173,7 @@ def sweep_lines(sectors, edges, nodes, meta, grid, groups, parts, table):
     # groups (5,) i64: first group of lines of each sector; table (entries,) f32: where along the sector's rays a pixel
     # starts, inf throughout but -inf in entry 0; filled in place
     for part in prange(parts):
-        work = np.empty(8 * CHUNK)
+        work, places = np.empty(8 * CHUNK), np.empty(CHUNK, np.int32)
         for group in range(np.int64(part), groups[4], parts):
             number = 0
             while group >= groups[number + 1]:
@@ -179,4 +181,4 @@ def sweep_lines(sectors, edges, nodes, meta, grid, groups, parts, table):
             first = (group - groups[number]) * GROUP
             last = min(first + GROUP, int(sectors[number, el.LINES]))
             for line in range(first, last):
-                sweep_line(line, number, sectors, edges, nodes, meta, grid, work, table)
+                sweep_line(line, number, sectors, edges, nodes, meta, grid, work, places, table)
