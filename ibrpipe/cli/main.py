@@ -25,6 +25,7 @@ COMMANDS: dict[str, dict[str, tuple[str, str]]] = {
             "ibrpipe.cli.bench:command",
             "Hold all renderers against the exact answer.",
         ),
+        "compare-depth": ("ibrpipe.cli.compare_depth:command", "Measure depth maps against a stereo set's truth."),
         "compare-mesh": ("ibrpipe.cli.compare_mesh:command", "Measure a surface against the true one."),
         "depth-images": (
             "ibrpipe.cli.depth_images:command",

@@ -1,7 +1,7 @@
 """Capture folders: photos, cameras, masks, exposure and mesh, found and checked against each other.
 
 Layout: ``images/``, optional ``masks/``, ``sparse/0`` (COLMAP), ``transforms.json`` (nerfstudio), ``cameras.xml``
-(Metashape) or ``bundle.out`` (Bundler), optional
+(Metashape), ``bundle.out`` (Bundler) or a Middlebury stereo pair (``calib.txt``, ``im0.png``, ``im1.png``), optional
 ``mesh.ply|obj|glb|stl``, optional ``exposure.csv``, optional ``test/`` laid out alike with ``depth/*.exr|npy``.
 Cameras may also come from elsewhere: from the folder that the calibrate stage has written.
 """
@@ -22,6 +22,7 @@ from ibrpipe.io.lenses import Keep, undistorted_calibration
 from ibrpipe.io.masks import find_mask
 from ibrpipe.io.meshes import SUFFIXES
 from ibrpipe.io.metashape import METASHAPE, read_metashape
+from ibrpipe.io.middlebury import is_stereo, read_stereo
 from ibrpipe.io.shots import Shot
 from ibrpipe.io.transforms import read_transforms
 from ibrpipe.io.views import View
@@ -127,7 +128,8 @@ def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Cap
 
 def has_cameras(root: Path) -> bool:
     """Say whether a capture folder, or its ``test/``, states cameras."""
-    return find_model(root) is not None or any((root / name).is_file() for name in _CAMERA_FILES)
+    found = find_model(root) is not None or any((root / name).is_file() for name in _CAMERA_FILES)
+    return found or is_stereo(root)
 
 
 def read_shots(root: Path) -> tuple[Shot, ...]:
@@ -155,6 +157,8 @@ def _shots(root: Path, model: Path | None) -> tuple[tuple[Shot, ...], Path | Non
         return read_metashape(root / METASHAPE, root / "images"), None
     if (root / BUNDLER).is_file():
         return read_bundler(root / BUNDLER, root / "images"), None
+    if is_stereo(root):
+        return read_stereo(root), None
     raise CaptureError(
         f"{root}: no cameras found; expected a COLMAP model in sparse/0, transforms.json, {METASHAPE} or {BUNDLER} "
         "(`ibrpipe calibrate` finds them from the photos alone)"
