@@ -34,7 +34,8 @@ def keep_agreed(job: Job, which: int, number: int) -> float:
         planes = job.planes(number, other)
         others[n, :, : planes[0].size] = planes.reshape(3, -1)
     count = np.zeros(reference.valid.shape, np.uint8)
-    limits = np.array([config.max_shift, config.max_depth_change, np.cos(np.radians(config.max_turn))])
+    turn = config.max_turn if len(pictures) > 1 else 180.0  # where texture is weak, normals of a mere pair are noise
+    limits = np.array([config.max_shift, config.max_depth_change, np.cos(np.radians(turn))])
     count_agreeing(reference.lens, limits, views, others, state, count)
     kept = (state[0] > 0) & (count >= min(config.min_agreeing, len(pictures)))
     step = pixel_step(reference.camera, views, float(0.5 / around.near + 0.5 / around.far))

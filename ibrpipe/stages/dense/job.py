@@ -18,7 +18,7 @@ from ibrpipe.stages.dense.settings import DepthConfig
 from ibrpipe.types import Array
 
 #: raised when results of earlier versions no longer fit
-VERSION = 1
+VERSION = 2
 KEY, DONE = "key.txt", "done"
 
 

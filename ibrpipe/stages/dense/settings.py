@@ -38,5 +38,10 @@ class DepthConfig(StageConfig):
     )
     max_shift: float = Field(1.0, gt=0, le=8, description="Pixels by which agreeing depth may miss")
     max_depth_change: float = Field(0.01, gt=0, le=0.5, description="Relative difference that agreeing depth may have")
-    max_turn: float = Field(50.0, gt=0, le=180, description="Degrees by which agreeing normals may differ")
+    max_turn: float = Field(
+        50.0,
+        gt=0,
+        le=180,
+        description="Degrees by which agreeing normals may differ; of a mere pair of photos they are not compared",
+    )
     min_segment: int = Field(20, ge=0, le=100_000, description="Smaller connected pieces are dropped, pixels")
