@@ -82,6 +82,20 @@ def grain() -> list[list[Array]]:
     return [[*shots, truth.reshape(view.height, 6, view.width, 6, 3).mean(axis=(1, 3))]]
 
 
+def blocks() -> list[list[Array]]:
+    """Blocks on waves seen from close above: two-pass, pipelined, exact."""
+    y, x = np.mgrid[:384, :384] / 384
+    height = 0.03 + 0.02 * np.sin(21 * x) * np.cos(17 * y)
+    for u, v, size in ((0.55, 0.62, 0.07), (0.72, 0.42, 0.05), (0.35, 0.5, 0.04)):
+        height = np.where((np.abs(x - u) < size) & (np.abs(y - v) < size), 0.16, height)
+    checks = 0.8 + 0.3 * (((np.floor(24 * x) + np.floor(24 * y)) % 2) - 0.5)
+    color = np.stack([0.25 + 3 * height, 0.4 - height, 0.6 - 3 * height], -1).clip(0, 1) * checks[..., None]
+    source = relief_from_images(height, color, (1.0, 1.0))
+    view = Camera.look_at((0.02, -0.33, 0.24), (0.09, 0.05, 0.03), (0, 0, 1), 60.0, 250, 190)
+    shots = [picture(source, view, method=name, level=0, fallback="never") for name in ("two-pass", "pipelined")]
+    return [[*shots, picture(source, view, "ldi")]]
+
+
 def main() -> None:
     """Make all pictures."""
     IMAGES.mkdir(exist_ok=True)
@@ -96,6 +110,7 @@ def main() -> None:
     pairs = [picture(sheets, view, method="pipelined"), picture(sheets, view, "ldi")]
     write("prewarp-interpenetration.png", [pairs])
     write("prewarp-area.png", grain())
+    write("prewarp-fold-overs.png", blocks())
     if len(sys.argv) > 1:
         box(Path(sys.argv[1]))
 
