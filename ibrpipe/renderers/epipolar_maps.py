@@ -13,12 +13,39 @@ import numpy as np
 from ibrpipe.core import epipolar_bounds, epipolar_cast, epipolar_lines, epipolar_patches, epipolar_sweep, patches
 from ibrpipe.core.quadtree import STEPS, plan_levels
 from ibrpipe.renderers.fields import Field, HeightField, PatchField
+from ibrpipe.renderers.first_call import FirstCall, Kernel
 from ibrpipe.types import Array, Camera
 
 #: greatest width of a line in the picture (pixels), least in the reference (cells), blocks per width of a line
 SPACING, FINEST, COARSENESS = 2.0, 0.5, 1.0
 #: depth that still belongs to the eye itself, where it touches a surface; share of a field's size
 EYE = 1e-9
+
+#: what a second process compiles at the first call
+BESIDE = FirstCall(
+    (
+        Kernel(
+            "epipolar_cast", "cast_heights",
+            "(float32[::1], int64, uint32[::1], int64[:,::1], float64[::1], float64[::1], float64[:,::1], "
+            "float64[::1], float64, float64[:,::1], float32[::1], int64, int64, float32[:,::1], uint32[:,::1])",
+        ),
+    ),
+    meanwhile=(  # colours of `ldi` and `epipolar`, then of `relief`
+        Kernel(
+            "ldi_shade", "shade_heights",
+            "(float32[:,::1], uint32[:,::1], int64, float64[::1], float64[:,::1], float32[:,:,::1], float32[:,:,::1], "
+            "float32[:,::1])",
+        ),
+        Kernel(
+            "relief_shade", "place_hits",
+            "(float32[:,::1], uint32[:,::1], uint32, float64[::1], float64[:,::1], float64[:,:,::1])",
+        ),
+        Kernel(
+            "relief_shade", "color_heights",
+            "(boolean[:,::1], float64[:,:,::1], float32[:,:,::1], float32[:,:,::1], float32[:,::1])",
+        ),
+    ),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +86,7 @@ def height_map(field: HeightField, base: int) -> Map | None:
     low, high = float(np.fmin.reduce(field.low, axis=None)), float(np.fmax.reduce(field.high, axis=None))
     if not low <= high:
         return None
+    BESIDE.begin()
     meta, grid, nodes = _empty_bounds(rows, columns, low, high)
     epipolar_bounds.bound_heights(field.height, grid[0], 1.0 / grid[1], meta, nodes)
     epipolar_bounds.bound_above(nodes, meta)
@@ -118,6 +146,7 @@ def cast_map(one: Map, camera: Camera, depth: Array, ids: Array) -> int:
     sectors, table = sweep_map(one, camera)
     eye = EYE * field.reach
     if isinstance(field, HeightField):
+        BESIDE.wait()
         epipolar_cast.cast_heights(
             field.height.ravel(), field.height.shape[1], one.nodes, one.meta, one.grid, start, turn, one.box, eye,
             sectors, table, one.base, parts, depth, ids,

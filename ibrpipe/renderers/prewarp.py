@@ -19,7 +19,7 @@ from ibrpipe.renderers import ldi
 from ibrpipe.renderers.ldi import limited_threads
 from ibrpipe.renderers.prewarp_box import Box, draw_box, find_box
 from ibrpipe.renderers.prewarp_faces import Face, Sight, plane_face, sight, wall_face, wide_plane, wide_wall
-from ibrpipe.renderers.prewarp_passes import Settings, warp_face, warp_face_by_area
+from ibrpipe.renderers.prewarp_passes import BESIDE, Settings, warp_face, warp_face_by_area
 from ibrpipe.renderers.prewarp_source import Relief, build_relief
 from ibrpipe.types import Array, Camera, Frame
 
@@ -145,6 +145,8 @@ def draw(
         raise RendererError(f"filter is {filter!r}; choose among: {', '.join(FILTERS)}")
     settings = Settings(method, depth_bits, filter == "area")
     began = perf_counter()
+    if method == "two-pass" and not settings.area:
+        BESIDE.begin()
     shaded = bool({"color", "alpha"} & set(outputs))
     canvas = Canvas.blank(camera.height, camera.width, shaded)
     with limited_threads(threads):
@@ -190,6 +192,7 @@ def _draw_relief(relief: Relief, camera: Camera, settings: Settings, canvas: Can
     if drawn and canvas.shaded:
         rays = view.ways[:2], view.eye[:2]
         size = np.array(relief.height.shape)
+        BESIDE.wait()
         prewarp_view.view_color(
             canvas.depth, before, _NO_OWNER, 0, *rays, relief.texels, size, canvas.color, canvas.alpha
         )

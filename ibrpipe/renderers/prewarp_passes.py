@@ -10,6 +10,7 @@ import numpy as np
 from ibrpipe.core import prewarp, prewarp_area, prewarp_columns, prewarp_pipelined
 from ibrpipe.core.prewarp import PAD
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers.first_call import FirstCall, Kernel
 from ibrpipe.renderers.prewarp_faces import MOST, Face, Sight, source_range
 from ibrpipe.renderers.prewarp_source import Relief
 from ibrpipe.types import Array
@@ -33,6 +34,28 @@ def scratch(name: str, shape: tuple[int, ...]) -> Array:
         setattr(_MEMORY, name, np.empty(size, np.float32))
     memory: Array = getattr(_MEMORY, name)
     return memory[:size].reshape(shape)
+
+
+#: what a second process compiles at the first call of `two-pass`
+BESIDE = FirstCall(
+    (
+        Kernel(
+            "prewarp_columns", "warp_columns",
+            "(float32[:,:,::1], float32[:,::1], boolean, float64, float64, int64[:,::1], int64, float32[:,::1])",
+        ),
+        Kernel(
+            "prewarp_view", "view_color",
+            "(float32[:,::1], float32[:,::1], uint8[:,::1], int64, float64[:,::1], float64[::1], float32[:,::1], "
+            "int64[::1], float32[:,:,::1], float32[:,::1])",
+        ),
+    ),
+    meanwhile=(
+        Kernel(
+            "prewarp_view", "view_depth",
+            "(float32[::1], int64, float64[:,::1], float64[::1], float64, boolean, float32[:,::1])",
+        ),
+    ),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -204,6 +227,7 @@ def _two_pass(
         sides[:, 5] = np.where((sides[:, 1] - sides[:, 0]) * sides[:, 2] > 0, sides[:, 5], sides[:, 4])
     lines = plan.lines.copy()
     lines[0] -= np.float32(top + 0.5)
+    BESIDE.wait()
     prewarp_columns.warp_columns(values, lines, face.wall, plan.eye[1], relief.gap, sides, count, out)
 
 

@@ -14,12 +14,24 @@ from ibrpipe.core.relief_pyramid import build_pyramid
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.epipolar_maps import Map, cast_map, height_map
 from ibrpipe.renderers.fields import HeightField, Place, _place
+from ibrpipe.renderers.first_call import FirstCall, Kernel
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
 
 #: steps between neighbouring samples of a layered image, in texels, above which they are not joined
 GAP = 4.0
 #: texels from which height fields are searched along epipolar lines: smaller ones march as fast without
 LINES = 2**19
+
+#: what a second process compiles at the first call
+BESIDE = FirstCall(
+    (
+        Kernel(
+            "relief_exact", "search_exact",
+            "(Array(int64, 1, 'A', readonly=True), uint32[::1], int64[::1], float64[::1], float64[::1], float64[::1], "
+            "float64, boolean, int64[::1], float32[:,::1], float64[:,:,::1])",
+        ),
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +80,7 @@ class Field:
     def build(self) -> Field:
         """Build what the exact search needs."""
         if self.grid[2] <= self.grid[3] and self.lines is None:
+            BESIDE.begin()
             _ = self.whole
         return self
 
@@ -90,6 +103,7 @@ class Field:
         rays = np.ascontiguousarray(start[:3]), np.ascontiguousarray(turn[:3]).ravel()
         if method == "exact":
             padded = self.grid.copy()
+            BESIDE.wait()
             padded[2], padded[3] = self.grid[0], self.grid[0] + STEPS / self.grid[1]
             relief_exact.search_exact(
                 pairs(self.height),

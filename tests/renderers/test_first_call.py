@@ -1,0 +1,87 @@
+"""A second process compiles part of what the first call of a renderer needs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from importlib import import_module
+
+import numba
+import numpy as np
+import pytest
+from numba.core.sigutils import normalize_signature
+
+import ibrpipe
+from ibrpipe.renderers import epipolar_maps, first_call, prewarp_passes, relief_fields
+from ibrpipe.renderers.first_call import FirstCall, Kernel
+
+SMALL = Kernel("relief_shade", "place_hits", "(float32[:,::1], uint32[:,::1], uint32, float64[::1], float64[:,::1], "
+               "float64[:,:,::1])")  # fmt: skip
+#: renderer -> what is compiled for it; `meanwhile` of the maps serves `relief`, too
+LISTED = {"prewarp": prewarp_passes.BESIDE, "relief": relief_fields.BESIDE, "ldi": epipolar_maps.BESIDE}
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+@pytest.mark.parametrize("renderer", LISTED)
+def test_what_is_listed_is_what_a_frame_calls(renderer):
+    """A kernel whose arguments change would be compiled in vain, and once more by the first process."""
+    frame = ibrpipe.ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+    source = ibrpipe.ReliefTexture(frame, np.ones((9, 9, 3)), np.random.default_rng(1).random((9, 9)))
+    camera = ibrpipe.Camera.look_at((4.5, -3.0, 12.0), (4.5, 4.5, 0.5), width=24, height=20)
+    ibrpipe.render(source, camera, renderer, outputs=("color", "depth"))
+    for kernel in (*LISTED[renderer].kernels, *LISTED[renderer].meanwhile):
+        if renderer == "ldi" and kernel.module == "relief_shade":
+            continue
+        called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
+        assert normalize_signature(kernel.types)[0] in called, kernel.name
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_colours_of_lines_in_relief_are_listed(monkeypatch):
+    monkeypatch.setattr(relief_fields, "LINES", 0)
+    test_what_is_listed_is_what_a_frame_calls("relief")
+    for kernel in epipolar_maps.BESIDE.meanwhile[1:]:
+        called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
+        assert normalize_signature(kernel.types)[0] in called, kernel.name
+
+
+SCRIPT = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from ibrpipe.core import relief_shade
+from ibrpipe.renderers.first_call import FirstCall, is_cached
+from test_first_call import SMALL
+beside = FirstCall((SMALL,))
+assert not is_cached(SMALL)
+beside.begin()
+assert beside._process is not None
+beside.wait()
+assert is_cached(SMALL)
+from numba.core.sigutils import normalize_signature
+relief_shade.place_hits.compile(normalize_signature(SMALL.types)[0])
+assert sum(relief_shade.place_hits.stats.cache_hits.values()) == 1
+again = FirstCall((SMALL,))
+again.begin()
+assert again._process is None
+"""
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT or numba.config.NUMBA_NUM_THREADS < 2, reason="one process compiles all")
+def test_second_process_fills_the_cache_that_the_first_loads(tmp_path):
+    environment = {**os.environ, "IBRPIPE_CACHE_DIR": str(tmp_path)}
+    here = os.path.dirname(os.path.abspath(__file__))
+    subprocess.run([sys.executable, "-c", SCRIPT, here], check=True, env=environment)
+
+
+def test_without_a_second_process_nothing_is_waited_for(monkeypatch):
+    monkeypatch.setattr(first_call, "is_cached", lambda _: False)
+
+    def fail(*_, **__):
+        raise OSError("not permitted")
+
+    monkeypatch.setattr(first_call.subprocess, "Popen", fail)
+    beside = FirstCall((SMALL,))
+    beside.begin()
+    beside.wait()
+    assert beside._process is None
