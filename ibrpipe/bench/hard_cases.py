@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 
-import numba
+import numpy as np
 
-from ibrpipe.bench.cases import Case, MeshCase, Refusal, SpiralCase
-from ibrpipe.bench.cases.case import AnyCase
-from ibrpipe.bench.hard_frames import WrongPixels, plain_cell, render_twice
+from ibrpipe.bench.cases import Case, MeshCase, Refusal, Shot, SpiralCase
+from ibrpipe.bench.cases.case import BITS, INPUTS, AnyCase
+from ibrpipe.bench.hard_frames import ALIKE, Spot, WrongPixels, plain_cell, render_twice, thread_counts
 from ibrpipe.bench.hard_meshes import mesh_cells
-from ibrpipe.bench.hard_posed import Posed, count_samples, exceed, figures_of, from_meant, hold_limits
+from ibrpipe.bench.hard_posed import Posed, count_samples, exceed, figures_of, from_meant, hold_limits, seen
 from ibrpipe.bench.hard_results import CaseFacts, Cell, HardCasesModel, SettingFacts
 from ibrpipe.bench.hard_spirals import spiral_cells
 from ibrpipe.bench.measure import measure
@@ -21,6 +21,9 @@ from ibrpipe.errors import IbrError
 from ibrpipe.progress import track
 from ibrpipe.renderers.registry import find_renderer
 from ibrpipe.stages.machine import describe_machine
+
+#: pixels by which a camera's rays and its projections may part when its rotation is rounded
+APART = 0.1
 
 
 @dataclass
@@ -37,22 +40,36 @@ class HardRun:
     pictures: dict[tuple[str, str], WrongPixels] = field(default_factory=dict)
 
 
-def run_hard_cases(cases: Sequence[AnyCase], settings: Sequence[Setting]) -> HardRun:
-    """Render every case with every setting and hold the errors to their limits."""
+def run_hard_cases(
+    cases: Sequence[AnyCase],
+    settings: Sequence[Setting],
+    inputs: Sequence[str] = INPUTS,
+    depths: Sequence[int] = BITS,
+) -> HardRun:
+    """Render every case with every setting and hold the errors to their limits.
+
+    Parameters
+    ----------
+    cases, settings
+    inputs : sequence of str
+        Types of the arrays that are given.
+    depths : sequence of int
+        Bits of stored depth.
+    """
     began, cells = perf_counter(), []
     pictures: dict[tuple[str, str], WrongPixels] = {}
     for case in track(cases, "hard cases"):
         if isinstance(case, Refusal):
-            cells.append(_refusal(case))
+            cells += [_refusal(case, dtype) for dtype in inputs]
         elif isinstance(case, SpiralCase):
-            cells += spiral_cells(case, settings)
+            cells += spiral_cells(case, settings, inputs, depths)
         elif isinstance(case, MeshCase):
-            cells += mesh_cells(case, settings, pictures)
+            cells += mesh_cells(case, settings, pictures, inputs, depths)
         else:
-            cells += _pictures(case, settings, pictures)
+            cells += _pictures(case, settings, pictures, inputs, depths)
     model = HardCasesModel(
         machine=describe_machine(),
-        threads=numba.config.NUMBA_NUM_THREADS,
+        threads=list(thread_counts()),
         cases=[CaseFacts(name=case.name, group=case.group, what=case.what) for case in cases],
         settings=[_facts(setting) for setting in settings],
         cells=cells,
@@ -70,38 +87,68 @@ def _facts(setting: Setting) -> SettingFacts:
     )
 
 
-def _refusal(case: Refusal) -> Cell:
+def _refusal(case: Refusal, dtype: str) -> Cell:
     """A texture, frame or camera that must not come into being."""
+    spot = Spot(case, "load", dtype)
     try:
-        case.build()
+        case.build(dtype)
     except IbrError as error:
-        return plain_cell(case, "load", 32, "pass", message=str(error))
+        return plain_cell(spot, "pass", message=str(error))
     except Exception as error:
         told = f"{type(error).__name__}: {error}"
-        return plain_cell(case, "load", 32, "fail", ["raised something else than an IbrError"], message=told)
-    return plain_cell(case, "load", 32, "fail", ["was accepted without a word"])
+        return plain_cell(spot, "fail", ["raised something else than an IbrError"], message=told)
+    return plain_cell(spot, "fail", ["was accepted without a word"])
 
 
-def _pictures(case: Case, settings: Sequence[Setting], pictures: dict[tuple[str, str], WrongPixels]) -> list[Cell]:
-    cells = []
-    original = case.build()
-    for bits in case.bits:
-        posed = Posed(original.stored(bits), bits, original.step(bits), original)
-        cells += [_picture(case, posed, setting, pictures) for setting in settings]
+def _pictures(
+    case: Case,
+    settings: Sequence[Setting],
+    pictures: dict[tuple[str, str], WrongPixels],
+    inputs: Sequence[str],
+    depths: Sequence[int],
+) -> list[Cell]:
+    cells, built = [], case.build()
+    exact = built.given_as("float64")
+    for dtype in inputs:
+        original = built.given_as(dtype)
+        for bits in depths:
+            posed = Posed(original.stored(bits), bits, original.step(bits), original)
+            reason = _senseless(posed, exact)
+            for setting in settings:
+                spot = Spot(case, setting.label, dtype, bits)
+                if reason:
+                    cells.append(plain_cell(spot, "not applicable", message=reason))
+                else:
+                    cells.append(_picture(spot, posed, setting, pictures))
     return cells
 
 
-def _picture(case: Case, posed: Posed, setting: Setting, pictures: dict[tuple[str, str], WrongPixels]) -> Cell:
-    kind, bits = type(posed.shot.source).__name__, posed.bits
+def _senseless(posed: Posed, exact: Shot) -> str:
+    """Return why this storage, or these arrays, make no case of their own; empty = they do."""
+    if posed.bits != 32 and posed.step == 0.0:
+        return ALIKE
+    moved = float(np.linalg.norm(posed.shot.camera.center - exact.camera.center))
+    if moved > 0.0 and not seen(posed.shot) and seen(exact):
+        return f"float32 poses: the eye moves by {moved:.2g} units and sees nothing of the surface"
+    camera = posed.shot.camera
+    apart = float(np.abs(camera.R @ camera.R.T - np.eye(3)).max() * camera.K[0, 0])
+    if apart > APART:
+        return f"float32 rotations: rounded, this one and its inverse part by {apart:.1g} pixels at such a focal length"
+    return ""
+
+
+def _picture(spot: Spot, posed: Posed, setting: Setting, pictures: dict[tuple[str, str], WrongPixels]) -> Cell:
+    case, kind, bits = spot.case, type(posed.shot.source).__name__, posed.bits
+    assert isinstance(case, Case)
     if kind not in find_renderer(setting.renderer).accepts or setting.meshes:
-        return plain_cell(case, setting.label, bits, "not applicable", message=f"does not take a {kind}")
-    made = render_twice(case, setting, bits, posed.shot.source, posed.shot.camera)
+        return plain_cell(spot, "not applicable", message=f"does not take a {kind}")
+    made = render_twice(spot, setting, posed.shot.source, posed.shot.camera)
     if isinstance(made, Cell):
         return made
     frame, same = made
     surface, truth, color = posed.one_layer if setting.first_layer else posed.all_layers
     errors, maps = measure([surface], truth, color, posed.shot.camera, frame)
-    if maps.wrong.any() and bits == 32 and frame.depth is not None:
+    if maps.wrong.any() and bits == 32 and spot.input == "float64" and frame.depth is not None:
         pictures[case.name, setting.label] = WrongPixels(truth.depth, frame.depth, maps.wrong)
     meant = from_meant(posed, surface, truth, frame)
     limit = setting.limit_for(case.name)
@@ -113,6 +160,7 @@ def _picture(case: Case, posed: Posed, setting: Setting, pictures: dict[tuple[st
     return Cell(
         case=case.name,
         setting=setting.label,
+        input=spot.input,
         bits=bits,
         status="fail" if failures else "pass",
         failures=failures,

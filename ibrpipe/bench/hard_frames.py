@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numba
 
-from ibrpipe.bench.cases import Case, SpiralCase
 from ibrpipe.bench.cases.case import AnyCase
 from ibrpipe.bench.hard_results import Cell
 from ibrpipe.bench.settings import Setting
@@ -16,6 +15,9 @@ from ibrpipe.errors import IbrError
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.registry import find_renderer
 from ibrpipe.types import Array, Camera, Frame
+
+#: why fewer bits make no case of their own
+ALIKE = "all depths are the same, or there is none: fewer bits store them alike"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,23 +29,34 @@ class WrongPixels:
     wrong: Array
 
 
-def render_twice(
-    case: Case | SpiralCase, setting: Setting, bits: int, source: Texture, camera: Camera
-) -> tuple[Frame, bool] | Cell:
+@dataclass(frozen=True)
+class Spot:
+    """Where a cell stands in the table: its case, its setting, the type of arrays given, the bits of stored depth."""
+
+    case: AnyCase
+    setting: str
+    input: str = "float64"
+    bits: int = 32
+
+
+def render_twice(spot: Spot, setting: Setting, source: Texture, camera: Camera) -> tuple[Frame, bool] | Cell:
     """Return the frame, and whether one thread and all threads gave the same bytes; or the cell of a failure."""
     try:
         draw = draw_with(setting, source, camera)
-        one, many = draw(1), draw(numba.config.NUMBA_NUM_THREADS)
+        one, many = (draw(threads) for threads in thread_counts())
     except IbrError as error:
         status = "refused" if setting.refuses else "fail"
         told = [] if setting.refuses else ["refused a source that it says it takes"]
-        return plain_cell(case, setting.label, bits, status, told, message=str(error))
+        return plain_cell(spot, status, told, message=str(error))
     except Exception as error:
         told_as = f"{type(error).__name__}: {error}"
-        return plain_cell(
-            case, setting.label, bits, "fail", ["raised something else than an IbrError"], message=told_as
-        )
+        return plain_cell(spot, "fail", ["raised something else than an IbrError"], message=told_as)
     return many, frame_bytes(one) == frame_bytes(many)
+
+
+def thread_counts() -> tuple[int, int]:
+    """Return one, and all that Numba has."""
+    return 1, int(numba.config.NUMBA_NUM_THREADS)
 
 
 def draw_with(setting: Setting, source: Texture, camera: Camera) -> Callable[[int], Frame]:
@@ -69,13 +82,12 @@ def frame_bytes(frame: Frame) -> bytes:
     return b"".join(part.tobytes() for part in (frame.color, frame.depth, frame.alpha) if part is not None)
 
 
-def plain_cell(
-    case: AnyCase, setting: str, bits: int, status: str, failures: Sequence[str] = (), message: str = ""
-) -> Cell:
+def plain_cell(spot: Spot, status: str, failures: Sequence[str] = (), message: str = "") -> Cell:
     """Return a cell without figures."""
     return Cell.model_validate(
         {
-            "case": case.name, "setting": setting, "bits": bits, "status": status, "failures": list(failures),
-            "message": message, "same_bytes": None, "depth_bytes": None, "figures": None, "limits": None,
+            "case": spot.case.name, "setting": spot.setting, "input": spot.input, "bits": spot.bits, "status": status,
+            "failures": list(failures), "message": message, "same_bytes": None, "depth_bytes": None, "figures": None,
+            "limits": None,
         }
     )  # fmt: skip

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 
 from ibrpipe.bench import mesh_oracle as oracle
 from ibrpipe.bench.cases.case import MeshCase, MeshShot
-from ibrpipe.bench.hard_frames import WrongPixels, frame_bytes, plain_cell
+from ibrpipe.bench.hard_frames import ALIKE, Spot, WrongPixels, frame_bytes, plain_cell, thread_counts
 from ibrpipe.bench.hard_posed import ULPS, exceed, figures_of, finite
 from ibrpipe.bench.hard_results import Cell, Limits
 from ibrpipe.bench.measure import ASTRAY, DOUBTFUL, Errors, ends, ray_lengths
@@ -45,35 +44,50 @@ class PosedMesh:
         return oracle.cast_relief(self.source, oracle.relief_of(self.source), self.shot.camera, "shell")
 
 
-def mesh_cells(case: MeshCase, settings: Sequence[Setting], pictures: dict[tuple[str, str], WrongPixels]) -> list[Cell]:
+def mesh_cells(
+    case: MeshCase,
+    settings: Sequence[Setting],
+    pictures: dict[tuple[str, str], WrongPixels],
+    inputs: Sequence[str],
+    depths: Sequence[int],
+) -> list[Cell]:
     """Return the cells of one case; frames with wrong pixels go to `pictures`."""
-    shot, cells = case.build(), []
-    for bits in case.bits:
-        posed = PosedMesh(shot, oracle.stored(shot.source, shot.meant, bits), bits)
-        cells += [_cell(case, posed, setting, pictures) for setting in settings]
+    built, cells = case.build(), []
+    for dtype in inputs:
+        shot = built.given_as(dtype)
+        for bits in depths:
+            stored = oracle.stored(shot.source, shot.meant, bits)
+            posed = PosedMesh(shot, stored, bits)
+            alike = bits != 32 and np.array_equal(stored.height, shot.source.height)
+            for setting in settings:
+                spot = Spot(case, setting.label, dtype, bits)
+                if alike:
+                    cells.append(plain_cell(spot, "not applicable", message=ALIKE))
+                else:
+                    cells.append(_cell(spot, posed, setting, pictures))
     return cells
 
 
-def _cell(case: MeshCase, posed: PosedMesh, setting: Setting, pictures: dict[tuple[str, str], WrongPixels]) -> Cell:
+def _cell(spot: Spot, posed: PosedMesh, setting: Setting, pictures: dict[tuple[str, str], WrongPixels]) -> Cell:
     if "ReliefMesh" not in find_renderer(setting.renderer).accepts:
-        return plain_cell(case, setting.label, posed.bits, "not applicable", message="does not take a ReliefMesh")
+        return plain_cell(spot, "not applicable", message="does not take a ReliefMesh")
     try:
         frame, same, lit = _render(posed, setting)
     except IbrError as error:
-        told = ["refused a source that it says it takes"]
-        return plain_cell(case, setting.label, posed.bits, "fail", told, message=str(error))
+        return plain_cell(spot, "fail", ["refused a source that it says it takes"], message=str(error))
     except Exception as error:
-        told, message = ["raised something else than an IbrError"], f"{type(error).__name__}: {error}"
-        return plain_cell(case, setting.label, posed.bits, "fail", told, message=message)
+        message = f"{type(error).__name__}: {error}"
+        return plain_cell(spot, "fail", ["raised something else than an IbrError"], message=message)
     hits = posed.shell if setting.options.get("model") == "shell" else posed.flat
     errors, meant, wrong = _measure(posed, hits, frame, lit)
-    if wrong.any() and posed.bits == 32 and frame.depth is not None:
-        pictures[case.name, setting.label] = WrongPixels(hits.truth.depth, frame.depth, wrong)
-    limits = _limits(setting.limit_for(case.name), posed, hits)
+    if wrong.any() and (spot.input, spot.bits) == ("float64", 32) and frame.depth is not None:
+        pictures[spot.case.name, setting.label] = WrongPixels(hits.truth.depth, frame.depth, wrong)
+    limits = _limits(setting.limit_for(spot.case.name), posed, hits)
     failures = exceed(errors, meant, limits) + ([] if same else ["one thread and all threads gave different bytes"])
     return Cell(
-        case=case.name, setting=setting.label, bits=posed.bits, status="fail" if failures else "pass",
-        failures=failures, message="", same_bytes=same, depth_bytes=posed.bits // 8 * posed.source.height.size,
+        case=spot.case.name, setting=setting.label, input=spot.input, bits=posed.bits,
+        status="fail" if failures else "pass", failures=failures,
+        message="", same_bytes=same, depth_bytes=posed.bits // 8 * posed.source.height.size,
         figures=figures_of(errors, meant), limits=limits,
     )  # fmt: skip
 
@@ -81,7 +95,7 @@ def _cell(case: MeshCase, posed: PosedMesh, setting: Setting, pictures: dict[tup
 def _render(posed: PosedMesh, setting: Setting) -> tuple[Frame, bool, Frame]:
     """Return the frame without light, whether thread counts agree, and a frame with light and shadows."""
     prepared, camera, options = prepare(posed.source, setting.renderer), posed.shot.camera, dict(setting.options)
-    counts = (1, numba.config.NUMBA_NUM_THREADS)
+    counts = thread_counts()
     plain = [render(prepared, camera, setting.renderer, threads=n, anisotropy=0, **options) for n in counts]
     lit = [render(prepared, camera, setting.renderer, threads=n, light=LAMP, **options) for n in counts]
     return plain[1], all(frame_bytes(one) == frame_bytes(other) for one, other in (plain, lit)), lit[1]

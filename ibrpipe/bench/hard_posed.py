@@ -18,6 +18,8 @@ from ibrpipe.types import Array, Camera, Frame, LayeredDepthImage
 
 #: units in the last place of float32 depth that every renderer may add
 ULPS = 4
+#: texels of rounding from which colour may change with it; texels from the eye within which that of heights is seen
+COARSE, NEAR = 1e-2, 1e-1
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,11 @@ def _solved(surface: Surface, camera: Camera) -> tuple[Surface, oracle.Truth, Ar
     return surface, truth, color.reshape(*truth.depth.shape, 3)
 
 
+def seen(shot: Shot) -> bool:
+    """Tell whether any pixel sees the surface."""
+    return bool(np.isfinite(oracle.cast([shot.surface()], shot.camera, oracle.pixel_centers(shot.camera))[0]).any())
+
+
 def count_samples(source: Texture) -> int:
     """Return the number of stored depths."""
     return int((source.height if hasattr(source, "height") else source.depth).size)  # type: ignore[union-attr]
@@ -84,16 +91,46 @@ def hold_limits(limit: Limit, posed: Posed, surface: Surface, truth: oracle.Trut
     lengths = ray_lengths(posed.shot.camera)
     rounding = ULPS * float(np.spacing(np.float32(far))) * float(lengths.max()) / max(surface.texel, 1e-300)
     stored = 0.5 * posed.step / surface.texel + ULPS * _stored_rounding(posed, surface)
+    shift = rounding * surface.texel * posed.shot.camera.K[0, 0] / max(far, 1e-300)
+    codes, reasons = 0.0, [limit.reason]
+    if rounding > COARSE:
+        codes = _color_rounding(posed, surface, truth)
+        reasons.append(
+            f"float32 depth is {rounding / ULPS:.2g} texels coarse so far away, and colour is looked up at it"
+        )
+    if len(seen) and float(np.percentile(seen, 1)) < NEAR * surface.texel:
+        shift += _height_rounding(posed, surface, seen)
+        reasons.append("so close to the eye the last place of float32 heights is seen")
     return Limits(
         texels=finite(limit.texels + rounding),
         texels_p99=finite(limit.texels_p99 + rounding),
-        shift_p99=finite(limit.shift_p99 + rounding * surface.texel * posed.shot.camera.K[0, 0] / max(far, 1e-300)),
+        shift_p99=finite(limit.shift_p99 + shift),
         wrong=finite(limit.wrong),
         gross=finite(limit.gross),
-        codes_p99=None if colors_tie else finite(limit.codes_p99),
+        codes_p99=None if colors_tie else finite(limit.codes_p99 + codes),
         meant=finite(limit.texels + rounding + stored),
-        reason=f"{limit.reason}; {colors_tie}" if colors_tie else limit.reason,
+        reason="; ".join([*reasons, colors_tie] if colors_tie else reasons),
     )
+
+
+def _color_rounding(posed: Posed, surface: Surface, truth: oracle.Truth) -> float:
+    """99th percentile of the change of exact colour, 8-bit codes, when depth is rounded to float32."""
+    camera, depth = posed.shot.camera, truth.depth.ravel()
+    grid, shown = oracle.pixel_centers(camera), np.isfinite(depth)
+
+    def color(moved: Array) -> Array:
+        return oracle.colors_at([surface], camera, grid, (moved, truth.patch.ravel(), truth.owner.ravel()))[0][shown]
+
+    ulp = np.where(shown, np.spacing(np.where(shown, depth, 0.0).astype(np.float32)), 0.0)
+    exact = color(depth)
+    change = np.stack([np.abs(color(depth + share * ulp) - exact).max(axis=-1) for share in (-0.51, 0.51)])
+    return float(np.percentile(255.0 * change.max(axis=0) / np.maximum(exact.max(axis=-1), 1.0), 99))
+
+
+def _height_rounding(posed: Posed, surface: Surface, seen: Array) -> float:
+    """99th percentile of the pixels by which a unit in the last place of the stored heights is seen."""
+    unit = _stored_rounding(posed, surface) * surface.texel
+    return float(np.percentile(unit * posed.shot.camera.K[0, 0] / seen, 99))
 
 
 def _stored_rounding(posed: Posed, surface: Surface) -> float:

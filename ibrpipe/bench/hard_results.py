@@ -72,10 +72,11 @@ class Limits(_Record):
 
 
 class Cell(_Record):
-    """One case, one setting, one storage of depth."""
+    """One case, one setting, one type of the arrays given, one storage of depth; with one thread and with all."""
 
     case: str = Field(description="Name of the case")
     setting: str = Field(description="Label of the setting; 'load' = making the texture itself")
+    input: Literal["float64", "float32"] = Field(description="Type of all arrays that the renderer was given")
     bits: int = Field(description="Bits of stored depth: 8, 16, or 32 for float32")
     status: Status = Field(description="pass, fail, refused (a clear error, permitted), or not applicable")
     failures: list[str] = Field(description="What is beyond its limit, in words")
@@ -89,9 +90,9 @@ class Cell(_Record):
 class HardCasesModel(_Record):
     """All cells, and what they were measured on."""
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     machine: Machine = Field(description="Processor, threads, versions")
-    threads: int = Field(description="Threads of the second of the two runs of each cell")
+    threads: list[int] = Field(description="Numbers of threads with which every cell was rendered")
     cases: list[CaseFacts] = Field(description="Cases, group by group")
     settings: list[SettingFacts] = Field(description="Settings, in the order of the table's columns")
     cells: list[Cell] = Field(description="All cells, by case")

@@ -8,7 +8,7 @@ import numpy as np
 
 from ibrpipe.bench.cases import SpiralCase
 from ibrpipe.bench.cases.spirals import build_spiral, expected, spiral_camera
-from ibrpipe.bench.hard_frames import plain_cell, render_twice
+from ibrpipe.bench.hard_frames import ALIKE, Spot, plain_cell, render_twice
 from ibrpipe.bench.hard_posed import finite
 from ibrpipe.bench.hard_results import Cell, Figures, Limits
 from ibrpipe.bench.settings import Setting
@@ -20,18 +20,36 @@ from ibrpipe.types import Array, Camera
 SPIRAL_CODES = 0.05
 
 
-def spiral_cells(case: SpiralCase, settings: Sequence[Setting]) -> list[Cell]:
+def spiral_cells(
+    case: SpiralCase, settings: Sequence[Setting], inputs: Sequence[str], depths: Sequence[int]
+) -> list[Cell]:
     """Return the cells of one spiral case."""
-    texture, camera = build_spiral(case.k, case.zero), spiral_camera(*case.way)
-    wanted = expected(texture, camera)
-    return [_spiral_cell(case, setting, texture, camera, wanted) for setting in settings]
+    cells = []
+    for dtype in inputs:
+        texture, camera = build_spiral(case.k, case.zero, dtype), spiral_camera(*case.way, dtype)
+        wanted = expected(texture, camera)
+        for setting in settings:
+            spots = [Spot(case, setting.label, dtype, bits) for bits in depths]
+            if not _shows_residuals(setting):
+                cells += [
+                    plain_cell(spot, "not applicable", message="shows no view-dependent colour") for spot in spots
+                ]
+                continue
+            for spot in spots:
+                if spot.bits == 32:
+                    cells.append(_spiral_cell(spot, setting, texture, camera, wanted))
+                else:
+                    cells.append(plain_cell(spot, "not applicable", message=ALIKE))
+    return cells
 
 
-def _spiral_cell(case: SpiralCase, setting: Setting, texture: Texture, camera: Camera, wanted: Array) -> Cell:
+def _shows_residuals(setting: Setting) -> bool:
     chosen = find_renderer(setting.renderer)
-    if "SpiralTexture" not in chosen.accepts or "residuals" not in chosen.options:
-        return plain_cell(case, setting.label, 32, "not applicable", message="shows no view-dependent colour")
-    made = render_twice(case, setting, 32, texture, camera)
+    return "SpiralTexture" in chosen.accepts and "residuals" in chosen.options
+
+
+def _spiral_cell(spot: Spot, setting: Setting, texture: Texture, camera: Camera, wanted: Array) -> Cell:
+    made = render_twice(spot, setting, texture, camera)
     if isinstance(made, Cell):
         return made
     frame, same = made
@@ -65,6 +83,7 @@ def _spiral_cell(case: SpiralCase, setting: Setting, texture: Texture, camera: C
         reason=reason,
     )
     return Cell(
-        case=case.name, setting=setting.label, bits=32, status="fail" if failures else "pass", failures=failures,
-        message="", same_bytes=same, depth_bytes=None, figures=figures, limits=limits,
+        case=spot.case.name, setting=setting.label, input=spot.input, bits=32,
+        status="fail" if failures else "pass", failures=failures, message="", same_bytes=same, depth_bytes=None,
+        figures=figures, limits=limits,
     )  # fmt: skip

@@ -124,7 +124,13 @@ MESH_STEPS = {
 }
 OVERLAPS = {
     "mesh-degenerate-slivers": Limit(
-        0.2, 1e-3, 1e-2, 0.0, 0.0, 0.6, "the prisms below a sliver and beside it overlap: either may be hit"
+        ANY,
+        1e-3,
+        1e-2,
+        2e-3,
+        2e-3,
+        0.6,
+        "the prisms below a sliver and beside it overlap: where they do, in a pixel or two, either may be hit",
     )
 }
 
@@ -132,6 +138,23 @@ LINES = Limit(
     ANY, ANY, ANY, 0.2, 0.02, ANY,
     "reference samples met step by step along an epipolar line: right to about a texel, thin features are missed",
 )  # fmt: skip
+
+NO_RIM_LINES = {
+    "near-far-depth-image": Limit(
+        ANY, ANY, ANY, 0.2, 0.14, ANY,
+        LINES.reason + "; columns end at the samples, which leaves out the rim of half a texel: 14 % of these 16 x 13",
+    ),
+}  # fmt: skip
+NEAREST = NO_RIM_LINES | {
+    "surface-steep-step": Limit(
+        ANY, ANY, ANY, 0.2, 0.18, ANY,
+        LINES.reason + "; a cliff of ten thousand texels, which 18 % of the pixels see, is shown at either end",
+    ),
+    "surface-one-texel-islands": Limit(
+        ANY, ANY, ANY, 0.2, 0.2, ANY,
+        LINES.reason + "; lone samples are shown as texels, though the surface begins with four together",
+    ),
+}  # fmt: skip
 
 SPLATS = Limit(
     ANY, ANY, ANY, ANY, ANY, ANY,
@@ -143,8 +166,8 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("ldi", "ldi patches", {"search": "patches"}, quick=False),
     Setting("ldi", "ldi quadtree", {"search": "quadtree"}, quick=False),
     Setting("epipolar", "epipolar", {"search": "exact"}),
-    Setting("epipolar", "epipolar nearest", {"search": "nearest"}, LINES, first_layer=True),
-    Setting("epipolar", "epipolar linear", {"search": "linear"}, LINES, first_layer=True, quick=False),
+    Setting("epipolar", "epipolar nearest", {"search": "nearest"}, LINES, NEAREST, first_layer=True),
+    Setting("epipolar", "epipolar linear", {"search": "linear"}, LINES, NO_RIM_LINES, first_layer=True, quick=False),
     Setting("splat", "splat", {}, SPLATS, first_layer=True, quick=False),
     Setting("relief", "relief", {"search": "exact"}, special=RIMS, first_layer=True),
     Setting("relief", "relief 32+8", {"search": "linear-binary"}, STEPS, FLATS | MESH_STEPS, first_layer=True),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,7 @@ def hard_cases(out: Path, renderers: tuple[str, ...], cases: tuple[str, ...], as
     from ibrpipe.bench.settings import choose_settings
     from ibrpipe.io.manifest import write_json
 
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # pictures are tiny: threads that wait must not spin
     chosen, settings = choose_cases(cases), choose_settings(renderers)
     out.mkdir(parents=True, exist_ok=True)
     with display():

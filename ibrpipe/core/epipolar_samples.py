@@ -14,6 +14,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core import epipolar_lines as el
+from ibrpipe.core.epipolar_near import is_short
 from ibrpipe.core.epipolar_sweep import (
     BEGIN,
     CHUNK,
@@ -34,9 +35,9 @@ from ibrpipe.core.jit import fused, kernel
 LANES = 256
 #: rows of the working memory: table entry, column, ray at the column, what it is compared with
 ENTRY, COLUMN, PLACE, UPPER, LOWER, SHARE, ABOVE, T = (LANES * n for n in range(8))
-#: above and camera depth at the four columns about a pixel's start
-FOUR_F, FOUR_T = LANES * 8, LANES * 12
-WORK = LANES * 16
+#: how far the ray is above the samples at the four columns about a pixel's start
+FOUR_F = LANES * 8
+WORK = LANES * 12
 
 
 @fused
@@ -133,8 +134,9 @@ def sweep_samples(sectors, edges, flat, stride, linear, gaps, steps, groups, par
 
 
 @fused
-def find_columns(number, x0, y, count, start, turn, sectors, table, work):
-    # COLUMN: column of every pixel's correspondence in a sector, inf for none -> is there any
+def find_columns(number, x0, y, count, start, turn, slope, reach, sectors, table, work):
+    # COLUMN: column of every pixel's correspondence in a sector, inf for none -> is there any; slope: row of `turn` by
+    # which depth changes, reach: range of depths; rays that are short in the reference are left to `epipolar_near`
     l0, l1, l2, lines = sectors[number, 0], sectors[number, 1], sectors[number, 2], sectors[number, el.LINES]
     s0, s1, s2 = sectors[number, 3], sectors[number, 4], sectors[number, 5]
     b0, b1, b2, bins = sectors[number, 6], sectors[number, 7], sectors[number, 8], sectors[number, el.BINS]
@@ -143,12 +145,13 @@ def find_columns(number, x0, y, count, start, turn, sectors, table, work):
     x_x, x_y = P3 * turn[0, 0] - P0 * turn[3, 0], P3 * turn[0, 1] - P0 * turn[3, 1]
     y_x, y_y = P3 * turn[1, 0] - P1 * turn[3, 0], P3 * turn[1, 1] - P1 * turn[3, 1]
     x_1, y_1 = P3 * turn[0, 2] - P0 * turn[3, 2], P3 * turn[1, 2] - P1 * turn[3, 2]
+    g_x, g_1 = turn[slope, 0], turn[slope, 1] * py + turn[slope, 2]
     swapped, sign = number >= 2, -1.0 if number & 1 else 1.0
     for k in range(count):
         px = x0 + k + 0.5
         wx, wy = x_x * px + x_y * py + x_1, y_x * px + y_y * py + y_1
         mine = (abs(wx) < abs(wy)) if swapped else (abs(wx) >= abs(wy))
-        mine &= sign * (wy if swapped else wx) > 0.0
+        mine &= (sign * (wy if swapped else wx) > 0.0) & (not is_short(wx, wy, g_x * px + g_1, reach))
         line = np.floor((l0 * px + l1 * py + l2) / (s0 * px + s1 * py + s2))
         place = np.floor(b0 * px + b1 * py + b2)
         mine &= (line >= 0.0) & (line < lines) & (place >= 0.0) & (place < bins)
@@ -194,31 +197,41 @@ def meet_column(number, shift, x0, y, count, breadth, columns, start, turn, stri
     for k in range(count):
         upper, share = work[UPPER + k], work[SHARE + k]
         value = upper + share * (work[LOWER + k] - upper) if linear else upper + 0.0 * share
-        work[out + FOUR_F + k], work[out + FOUR_T + k] = work[ABOVE + k] - value, work[T + k]
+        work[out + FOUR_F + k] = work[ABOVE + k] - value
 
 
 @fused
-def cross_between(count, work):
-    # camera depth T at the first change of side between four columns, else at the pixel's own column
+def cross_between(number, x0, y, count, columns, start, turn, work):
+    # camera depth T where a ray first changes side between four columns, else at the pixel's own column; d of the ray
+    # and of the samples is linear in the column, which the camera depth of perspective frames is not
+    axis, backward = number >> 1, (number & 1) == 1
+    Pa, Pq, py = start[axis], start[3], y + 0.5
+    a0, a1 = turn[axis, 0], turn[axis, 1] * py + turn[axis, 2]
+    q0, q1 = turn[3, 0], turn[3, 1] * py + turn[3, 2]
     for k in range(count):
         f0, f1, f2, f3 = (
             work[FOUR_F + k], work[FOUR_F + LANES + k], work[FOUR_F + 2 * LANES + k], work[FOUR_F + 3 * LANES + k],
         )  # fmt: skip
-        t0, t1, t2, t3 = (
-            work[FOUR_T + k], work[FOUR_T + LANES + k], work[FOUR_T + 2 * LANES + k], work[FOUR_T + 3 * LANES + k],
-        )  # fmt: skip
-        t = t2 if f2 == f2 else np.inf
-        t = t2 + f2 / (f2 - f3) * (t3 - t2) if f2 * f3 <= 0.0 else t
-        t = t1 + f1 / (f1 - f2) * (t2 - t1) if f1 * f2 <= 0.0 else t
-        t = t0 + f0 / (f0 - f1) * (t1 - t0) if f0 * f1 <= 0.0 else t
-        work[T + k] = t if t == t else np.inf
+        place = 0.0 if f2 == f2 else np.inf
+        place = f2 / (f2 - f3) if f2 * f3 <= 0.0 else place
+        place = f1 / (f1 - f2) - 1.0 if f1 * f2 <= 0.0 else place
+        place = f0 / (f0 - f1) - 2.0 if f0 * f1 <= 0.0 else place
+        edge = work[COLUMN + k] + place
+        edge = columns - 1.0 - edge if backward else edge
+        px = x0 + k + 0.5
+        t = (edge * Pq - Pa) / (a0 * px + a1 - edge * (q0 * px + q1))
+        work[T + k] = t if (abs(edge) < np.inf) & (t == t) else np.inf
 
 
 @kernel
-def pick_samples(flat, stride, start, turn, weight, sectors, table, perspective, linear, eye, base, parts, depth, ids):
-    # weight (4,): (u, v, d, 1) to camera depth (perspective: over own z); depth (h, w) f32 and ids (h, w) u32 are
-    # lowered in place; a hit's id is base + its sample (linear: the upper or left one of those it lies between)
+def pick_samples(
+    flat, stride, start, turn, weight, sectors, table, perspective, linear, reach, eye, base, parts, depth, ids
+):  # fmt: skip
+    # weight (4,): (u, v, d, 1) to camera depth (perspective: over own z); reach: range of depths; depth (h, w) f32 and
+    # ids (h, w) u32 are lowered in place; a hit's id is base + its sample (linear: the upper or left one of those it
+    # lies between)
     rows, columns = depth.shape
+    slope = 3 if perspective else 2
     for part in prange(parts):
         work = np.empty(WORK)
         for y in range(np.int64(part), rows, parts):
@@ -227,7 +240,7 @@ def pick_samples(flat, stride, start, turn, weight, sectors, table, perspective,
                 for number in range(4):
                     if sectors[number, el.USED] == 0.0:
                         continue
-                    if not find_columns(number, x0, y, count, start, turn, sectors, table, work):
+                    if not find_columns(number, x0, y, count, start, turn, slope, reach, sectors, table, work):
                         continue
                     breadth, wide = sectors[number, el.ACROSS], sectors[number, el.ALONG] + 1.0
                     if linear:
@@ -236,7 +249,7 @@ def pick_samples(flat, stride, start, turn, weight, sectors, table, perspective,
                                 number, shift - 2.0, x0, y, count, breadth, wide, start, turn, stride, True, flat,
                                 shift * LANES, work,
                             )  # fmt: skip
-                        cross_between(count, work)
+                        cross_between(number, x0, y, count, wide, start, turn, work)
                     else:
                         meet_column(
                             number, 0.0, x0, y, count, breadth, wide, start, turn, stride, False, flat, 0, work

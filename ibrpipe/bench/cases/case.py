@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from ibrpipe.types import (
     Camera,
     DepthImage,
     LayeredDepthImage,
+    Mesh,
     ParallelFrame,
     ReliefTexture,
 )
@@ -33,9 +34,14 @@ GROUPS = {
 }
 
 
-def frame_of(origin: ArrayLike, a: ArrayLike, b: ArrayLike, f: ArrayLike) -> ParallelFrame:
-    """Return the parallel frame of plain numbers."""
-    return ParallelFrame(*(np.asarray(part, np.float64) for part in (origin, a, b, f)))
+#: in which storage of depth, in bits, and in which types of array everything is given
+BITS = (32, 16, 8)
+INPUTS = ("float64", "float32")
+
+
+def frame_of(origin: ArrayLike, a: ArrayLike, b: ArrayLike, f: ArrayLike, dtype: Any = np.float64) -> ParallelFrame:
+    """Return the parallel frame of plain numbers, given as arrays of `dtype`."""
+    return ParallelFrame(*(np.asarray(part, dtype) for part in (origin, a, b, f)))
 
 
 #: frame of most cases: texels of one unit, depth along z
@@ -59,6 +65,24 @@ class Shot:
     source: Texture
     camera: Camera
     heights: Array | None = None
+
+    def given_as(self, dtype: str) -> Shot:
+        """Return the shot made anew from arrays of `dtype`: texels, frames, and cameras."""
+        source, heights = self.source, self.heights
+        if isinstance(source, ReliefTexture):
+            assert heights is not None
+            heights = heights.astype(dtype)
+            source = ReliefTexture(_frame_as(source.frame, dtype), source.color.astype(dtype), heights)
+        elif isinstance(source, DepthImage):
+            camera = camera_as(source.camera, dtype)
+            source = DepthImage(camera, source.color.astype(dtype), source.depth.astype(dtype))
+        else:
+            assert isinstance(source, LayeredDepthImage)
+            frame: Any = source.frame
+            frame = camera_as(frame, dtype) if isinstance(frame, Camera) else _frame_as(frame, dtype)
+            depth, color, normal = (part.astype(dtype) for part in (source.depth, source.color, source.normal))
+            source = LayeredDepthImage(frame, source.offsets, depth, color, normal, source.observers)
+        return Shot(source, camera_as(self.camera, dtype), None if heights is None else heights.astype(np.float64))
 
     def stored(self, bits: int) -> Shot:
         """Return the shot with depth stored in 8 or 16 bits over its range, or as float32 (32)."""
@@ -95,6 +119,15 @@ class Shot:
         return float(np.ptp(some)) / (2**bits - 1) if len(some) else 0.0
 
 
+def _frame_as(frame: ParallelFrame, dtype: str) -> ParallelFrame:
+    return ParallelFrame(*(part.astype(dtype) for part in (frame.origin, frame.a, frame.b, frame.f)))
+
+
+def camera_as(camera: Camera, dtype: str) -> Camera:
+    """Return the camera made anew from arrays of `dtype`."""
+    return Camera(camera.K.astype(dtype), camera.cam_from_world.astype(dtype), camera.width, camera.height)
+
+
 def _in_steps(depth: Array, levels: int) -> Array:
     depth = np.asarray(depth, np.float64)
     some = depth[np.isfinite(depth)]
@@ -117,8 +150,6 @@ class Case:
         What is hard about it.
     build : callable
         Returns the shot.
-    bits : tuple of int
-        In how many bits depth is stored, one cell of the table for each.
     colors_tie : str
         Why no renderer can be held to the colours; empty = they are compared.
     """
@@ -127,18 +158,17 @@ class Case:
     group: int
     what: str
     build: Callable[[], Shot]
-    bits: tuple[int, ...] = (32,)
     colors_tie: str = ""
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Something that no texture, frame or camera may be made of: `build` must raise an `IbrError`."""
+    """Something that no texture, frame or camera may be made of: `build(dtype)` must raise an `IbrError`."""
 
     name: str
     group: int
     what: str
-    build: Callable[[], object]
+    build: Callable[[str], object]
 
 
 @dataclass(frozen=True)
@@ -164,6 +194,18 @@ class MeshShot:
     camera: Camera
     meant: Array
 
+    def given_as(self, dtype: str) -> MeshShot:
+        """Return the shot made anew from arrays of `dtype`."""
+        source, meant = self.source, self.meant.astype(dtype)
+        parts = {
+            name: value.astype(dtype)
+            for name in ("uv", "back", "color", "normal", "normals", "tangents")
+            if (value := getattr(source, name)) is not None
+        }
+        mesh = Mesh(source.mesh.vertices.astype(dtype), source.mesh.faces)
+        made = replace(source, mesh=mesh, height=meant, **parts)
+        return MeshShot(made, camera_as(self.camera, dtype), meant.astype(np.float64))
+
 
 @dataclass(frozen=True)
 class MeshCase:
@@ -173,7 +215,6 @@ class MeshCase:
     group: int
     what: str
     build: Callable[[], MeshShot]
-    bits: tuple[int, ...] = (32,)
 
 
 AnyCase = Case | Refusal | SpiralCase | MeshCase

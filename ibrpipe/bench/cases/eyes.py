@@ -10,7 +10,6 @@ import numpy as np
 from ibrpipe.bench.cases.case import PLAIN, SHAPE, Case, Shot, look, relief, rough
 from ibrpipe.types import Camera, DepthImage
 
-ALL_BITS = (32, 16, 8)
 MIDDLE = np.array([7.5, 6.0, 1.0])
 
 
@@ -38,7 +37,7 @@ def eye_cases() -> Iterator[Case]:
         "eye-looks-away": ("nothing is in view", (7.5, 6.0, 9.0), (7.5, 6.0, 30.0)),
     }
     for name, (what, eye, target) in places.items():
-        yield Case(name, 1, what, partial(_seen, eye, target), ALL_BITS)
+        yield Case(name, 1, what, partial(_seen, eye, target))
 
 
 def _depth_source() -> DepthImage:
@@ -72,7 +71,7 @@ def epipole_cases() -> Iterator[Case]:
     spots = {"texel-centre": (6.5, 5.5), "texel-edge": (7.0, 5.5), "texel-corner": (7.0, 6.0)}
     for name, (u, v) in spots.items():
         what = f"the eye stands over a {name.replace('-', ' ')}"
-        yield Case(f"epipole-{name}-relief", 2, what, partial(_seen, (u, v, 9.0), (u, v, 0.0), 70.0), ALL_BITS)
+        yield Case(f"epipole-{name}-relief", 2, what, partial(_seen, (u, v, 9.0), (u, v, 0.0), 70.0))
         yield Case(f"epipole-{name}-depth-image", 2, f"the eye moves towards a {name.replace('-', ' ')}",
                    partial(_from_reference, partial(_toward, u=u, v=v)))  # fmt: skip
     sides = {"left": -1, "middle": 0, "right": 1}, {"above": -1, "within": 0, "below": 1}
@@ -123,13 +122,13 @@ def ray_cases() -> Iterator[Case]:
     """Group 3."""
     for degrees in (80.0, 85.0, 89.0, 89.9):
         name = f"grazing-{degrees:g}"
-        yield Case(name, 3, f"seen {degrees:g} degrees off the normal", partial(_grazing, degrees), ALL_BITS)
+        yield Case(name, 3, f"seen {degrees:g} degrees off the normal", partial(_grazing, degrees))
         yield Case(f"{name}-low", 3, "the same over heights of a fiftieth of a texel", partial(_grazing, degrees, 0.02))
     places = {"texel-centres": (0.5, 0.5), "texel-boundaries": (0.0, 0.5), "texel-corners": (0.0, 0.0),
               "texel-quarters": (0.25, 0.75)}  # fmt: skip
     for name, (du, dv) in places.items():
         yield Case(f"rays-through-{name}", 3, f"rays along depth, all through {name.replace('-', ' ')}",
-                   partial(_parallel, du, dv), ALL_BITS)  # fmt: skip
+                   partial(_parallel, du, dv))  # fmt: skip
     top = float(rough()[5, 7])
     yield Case("rays-along-row-of-centres", 3, "a ray along u over texel centres", partial(_along_axis, 5.5, top))
     yield Case("rays-along-row-of-boundaries", 3, "a ray along u over texel edges", partial(_along_axis, 6.0, 1.2))

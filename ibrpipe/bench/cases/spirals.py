@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ibrpipe.bench.cases.case import SpiralCase, frame_of
+from ibrpipe.bench.cases.case import SpiralCase, camera_as, frame_of
 from ibrpipe.core import spiral
 from ibrpipe.types import Array, Camera, LayeredDepthImage, SpiralResiduals, SpiralTexture
 
@@ -43,28 +43,28 @@ def residual_of(direction: Array) -> Array:
     return np.stack([0.3 * x, 0.3 * y, 0.2 * z + 0.1 * x * y], axis=-1)
 
 
-def build_spiral(k: float, zero: int = 0) -> SpiralTexture:
-    """Return the plane with its residuals, 2 x 2 texels for every direction."""
-    frame = frame_of((0, 0, 0), (EDGE / 8, 0, 0), (0, EDGE / 8, 0), (0, 0, 1))
+def build_spiral(k: float, zero: int = 0, dtype: str = "float64") -> SpiralTexture:
+    """Return the plane with its residuals, 2 x 2 texels for every direction, made from arrays of `dtype`."""
+    frame = frame_of((0, 0, 0), (EDGE / 8, 0, 0), (0, EDGE / 8, 0), (0, 0, 1), dtype)
     normal = np.tile([0.0, 0.0, -1.0], (64, 1))
     offsets = np.arange(9)[None] + 8 * np.arange(8)[:, None]
-    layers = LayeredDepthImage(frame, offsets, np.full(64, DEPTH), np.full((64, 3), BASE), normal)
+    layers = LayeredDepthImage(frame, offsets, np.full(64, DEPTH, dtype), np.full((64, 3), BASE, dtype), normal)
     alphas = spiral.table(k)
     ways = spiral.directions(alphas, k)
     count = len(alphas)
     texels = np.repeat(residual_of(ways).astype(np.float32), 4, axis=0)
-    rectangle = frame_of((0, 0, 0), (EDGE, 0, 0), (0, EDGE, 0), (0, 0, 1))
+    rectangle = frame_of((0, 0, 0), (EDGE, 0, 0), (0, EDGE, 0), (0, 0, 1), dtype)
     sizes, starts = np.full((count, 2), 2, np.int32), 4 * np.arange(count + 1)
     residuals = SpiralResiduals(rectangle, k, alphas, ways, sizes, starts, texels, np.ones(4 * count, bool), zero)
     return SpiralTexture(layers, residuals)
 
 
-def spiral_camera(yaw: float, pitch: float) -> Camera:
+def spiral_camera(yaw: float, pitch: float, dtype: str = "float64") -> Camera:
     """Return the camera that sees the plane's middle from yaw and pitch in degrees, in the frame (a, b, -f)."""
     yaw, pitch = math.radians(yaw), math.radians(pitch)
     way = np.array([math.sin(pitch) * math.cos(yaw), math.sin(pitch) * math.sin(yaw), -math.cos(pitch)])
     target = np.array([EDGE / 2, EDGE / 2, DEPTH])
-    return Camera.look_at(target + 2.0 * way, target, (0.1, 0.2, -1.0), 0.8, 15, 13)
+    return camera_as(Camera.look_at(target + 2.0 * way, target, (0.1, 0.2, -1.0), 0.8, 15, 13), dtype)
 
 
 def expected(texture: SpiralTexture, camera: Camera) -> Array:

@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 
 from ibrpipe.bench.cases.case import PLAIN, SHAPE, Case, Refusal, Shot, colors, frame_of, look, relief, rough
-from ibrpipe.bench.cases.eyes import ALL_BITS
 from ibrpipe.types import Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture
 
 NAN = float("nan")
@@ -98,15 +97,13 @@ def shape_cases() -> Iterator[Case]:
         "empty": "all texels are transparent",
     }  # fmt: skip
     for name, what in told.items():
-        yield Case(
-            f"surface-{name}", 4, what, partial(_surface, name), ALL_BITS if name in ("spike", "step") else (32,)
-        )
+        yield Case(f"surface-{name}", 4, what, partial(_surface, name))
     for rows, columns in ((1, 1), (1, 9), (9, 1), (2, 2), (5, 33), (13, 7)):
         yield Case(f"size-{columns}x{rows}", 4, f"{columns} by {rows} texels", partial(_sized, rows, columns))
         yield Case(f"size-{columns}x{rows}-layers", 4, f"{columns} by {rows} texels, as a layered image",
                    partial(_layers, rough((rows, columns))))  # fmt: skip
     yield Case("layers-empty", 4, "a layered image without samples", _no_samples)
-    yield Case("layers-full", 4, "six layers in every texel", _full, ALL_BITS)
+    yield Case("layers-full", 4, "six layers in every texel", _full)
     tie = "layers closer than float32 depth can tell: either may be shown, at the right depth"
     for label, step, tied in (("8-bit", 5.0 / 255, ""), ("16-bit", 5.0 / 65535, ""), ("float32", 2.4e-7, tie)):
         yield Case(f"layers-one-{label}-step-apart", 4, f"two level layers {step:.2g} texels apart",
@@ -139,9 +136,9 @@ def _near_and_far() -> Shot:
 
 def scale_cases() -> Iterator[Case]:
     """Group 5."""
-    yield Case("far-from-origin", 5, "1e6 units from the origin, 16 units wide", partial(_scaled, 1e6, 1.0), ALL_BITS)
-    yield Case("tiny", 5, "1e-6 units wide", partial(_scaled, 0.0, 1e-6 / 16), ALL_BITS)
-    yield Case("huge", 5, "1e6 units wide", partial(_scaled, 0.0, 1e6 / 16), ALL_BITS)
+    yield Case("far-from-origin", 5, "1e6 units from the origin, 16 units wide", partial(_scaled, 1e6, 1.0))
+    yield Case("tiny", 5, "1e-6 units wide", partial(_scaled, 0.0, 1e-6 / 16))
+    yield Case("huge", 5, "1e6 units wide", partial(_scaled, 0.0, 1e6 / 16))
     yield Case("far-and-small", 5, "1e6 units from the origin, a hundredth wide", partial(_scaled, 1e6, 0.01 / 16))
     yield Case("near-far-plain", 5, "depths in view from 1e-3 to 1e3 units", _plain_to_horizon)
     yield Case("near-far-depth-image", 5, "a depth image from 1e-3 to 1e3 units", _near_and_far)
@@ -149,11 +146,10 @@ def scale_cases() -> Iterator[Case]:
 
 def bit_cases() -> Iterator[Case]:
     """Group 6."""
-    yield Case("bits-relief", 6, "a relief texture", partial(relief, PLAIN, rough(), _oblique(SHAPE)), ALL_BITS)
+    yield Case("bits-relief", 6, "a relief texture", partial(relief, PLAIN, rough(), _oblique(SHAPE)))
     tall = partial(relief, PLAIN, rough(height=20.0), look((-14, -10, 34), (7.5, 6, 6), 40.0))
-    yield Case("bits-relief-tall", 6, "a relief texture, 20 texels high", tall, ALL_BITS)
-    yield Case("bits-layers", 6, "three layers", lambda: _layers(*(1 + 2.5 * k + 0.2 * rough() for k in range(3))),
-               ALL_BITS)  # fmt: skip
+    yield Case("bits-relief-tall", 6, "a relief texture, 20 texels high", tall)
+    yield Case("bits-layers", 6, "three layers", lambda: _layers(*(1 + 2.5 * k + 0.2 * rough() for k in range(3))))
 
 
 def frame_cases() -> Iterator[Case | Refusal]:
@@ -170,26 +166,30 @@ def frame_cases() -> Iterator[Case | Refusal]:
                     frame_of((3, -2, 0), (0.8, 0.6, 0), (-0.6, 0.64, 0.48), (0.36, -0.48, 0.8))),
     }  # fmt: skip
     for name, (what, frame) in frames.items():
-        yield Case(f"frame-{name}", 8, what, partial(_framed, frame), ALL_BITS)
+        yield Case(f"frame-{name}", 8, what, partial(_framed, frame))
     stretched = frame_of((0, 0, 0), (1e3, 0, 0), (0, 1, 0), (0, 0, 1))
     yield Case("frame-non-uniform", 8, "texels a thousand times as wide as high", partial(_stretched, stretched))
     refused = {
-        "a-is-zero": ("edge a has no length", lambda: frame_of((0, 0, 0), (0, 0, 0), (0, 1, 0), (0, 0, 1))),
-        "b-is-zero": ("edge b has no length", lambda: frame_of((0, 0, 0), (1, 0, 0), (0, 0, 0), (0, 0, 1))),
-        "a-along-b": ("the edges are parallel", lambda: frame_of((0, 0, 0), (1, 1, 0), (2, 2, 0), (0, 0, 1))),
-        "f-in-plane": ("f lies in the plane", lambda: frame_of((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0))),
-        "f-not-unit": ("f is 2 long", lambda: frame_of((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 2))),
-        "f-is-zero": ("f has no length", lambda: frame_of((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0))),
-        "nan": ("the origin is NaN", lambda: frame_of((NAN, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))),
-        "camera-scaled": ("a rotation that scales", lambda: Camera(np.eye(3), np.c_[2 * np.eye(3), [0, 0, 0]], 4, 4)),
+        "a-is-zero": ("edge a has no length", lambda dt: frame_of((0, 0, 0), (0, 0, 0), (0, 1, 0), (0, 0, 1), dt)),
+        "b-is-zero": ("edge b has no length", lambda dt: frame_of((0, 0, 0), (1, 0, 0), (0, 0, 0), (0, 0, 1), dt)),
+        "a-along-b": ("the edges are parallel", lambda dt: frame_of((0, 0, 0), (1, 1, 0), (2, 2, 0), (0, 0, 1), dt)),
+        "f-in-plane": ("f lies in the plane", lambda dt: frame_of((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0), dt)),
+        "f-not-unit": ("f is 2 long", lambda dt: frame_of((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 2), dt)),
+        "f-is-zero": ("f has no length", lambda dt: frame_of((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0), dt)),
+        "nan": ("the origin is NaN", lambda dt: frame_of((NAN, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), dt)),
+        "camera-scaled": ("a rotation that scales", lambda dt: _camera(dt, np.eye(3), 2 * np.eye(3))),
         "camera-mirrored": ("a rotation that mirrors",
-                            lambda: Camera(np.eye(3), np.c_[np.diag([1, 1, -1]), [0, 0, 0]], 4, 4)),
-        "camera-singular": ("a pose of rank 2", lambda: Camera(np.eye(3), np.c_[np.diag([1, 1, 0]), [0, 0, 0]], 4, 4)),
+                            lambda dt: _camera(dt, np.eye(3), np.diag([1, 1, -1]))),
+        "camera-singular": ("a pose of rank 2", lambda dt: _camera(dt, np.eye(3), np.diag([1, 1, 0]))),
         "camera-no-focal-length": ("K with focal length 0",
-                                   lambda: Camera(np.diag([0, 1, 1]), np.c_[np.eye(3), [0, 0, 0]], 4, 4)),
+                                   lambda dt: _camera(dt, np.diag([0, 1, 1]), np.eye(3))),
     }  # fmt: skip
     for name, (what, build) in refused.items():
         yield Refusal(f"refused-{name}", 8, what, build)
+
+
+def _camera(dtype: str, K: np.ndarray, turn: np.ndarray) -> Camera:
+    return Camera(K.astype(dtype), np.c_[turn, np.zeros(3)].astype(dtype), 4, 4)
 
 
 def _framed(frame: ParallelFrame) -> Shot:
@@ -214,23 +214,25 @@ def value_cases() -> Iterator[Case | Refusal]:
     bad[1, 1] = np.inf
     plain, camera = colors((3, 4)), Camera.look_at((0, 0, 5), (0, 0, 0), width=4, height=3)
     refused = {
-        "infinite-height": ("a height is infinite", lambda: ReliefTexture(PLAIN, plain, bad)),
-        "infinite-colour": ("a colour is infinite", lambda: ReliefTexture(PLAIN, plain * bad[..., None], flat)),
-        "nan-colour": ("a colour is NaN", lambda: ReliefTexture(PLAIN, plain * np.nan, flat)),
-        "negative-colour": ("a colour is negative", lambda: ReliefTexture(PLAIN, plain - 2.0, flat)),
-        "negative-depth": ("a depth image behind its camera", lambda: DepthImage(camera, plain, flat - 1.0)),
-        "nan-layer-depth": ("a sample at depth NaN", lambda: layered_at(np.nan)),
-        "descending-layers": ("samples that do not ascend", lambda: layered_at(-1.0)),
-        "shapes-differ": ("colour of another size", lambda: ReliefTexture(PLAIN, plain[:2], flat)),
+        "infinite-height": ("a height is infinite", lambda dt: ReliefTexture(PLAIN, plain.astype(dt), bad.astype(dt))),
+        "infinite-colour": ("a colour is infinite",
+                            lambda dt: ReliefTexture(PLAIN, (plain * bad[..., None]).astype(dt), flat)),
+        "nan-colour": ("a colour is NaN", lambda dt: ReliefTexture(PLAIN, (plain * np.nan).astype(dt), flat)),
+        "negative-colour": ("a colour is negative", lambda dt: ReliefTexture(PLAIN, (plain - 2.0).astype(dt), flat)),
+        "negative-depth": ("a depth image behind its camera",
+                           lambda dt: DepthImage(camera, plain, (flat - 1.0).astype(dt))),
+        "nan-layer-depth": ("a sample at depth NaN", lambda dt: layered_at(np.nan, dt)),
+        "descending-layers": ("samples that do not ascend", lambda dt: layered_at(-1.0, dt)),
+        "shapes-differ": ("colour of another size", lambda dt: ReliefTexture(PLAIN, plain[:2].astype(dt), flat)),
     }  # fmt: skip
     for name, (what, build) in refused.items():
         yield Refusal(f"refused-{name}", 9, what, build)
 
 
-def layered_at(second: float) -> LayeredDepthImage:
+def layered_at(second: float, dtype: str) -> LayeredDepthImage:
     """Two samples in one texel, at depth 1 and `second`."""
     up = np.tile([0.0, 0.0, -1.0], (2, 1))
-    return LayeredDepthImage(PLAIN, np.array([[0, 2]]), np.array([1.0, second]), np.ones((2, 3)), up)
+    return LayeredDepthImage(PLAIN, np.array([[0, 2]]), np.array([1.0, second], dtype), np.ones((2, 3)), up)
 
 
 def _hdr() -> Shot:

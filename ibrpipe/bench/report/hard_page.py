@@ -38,6 +38,7 @@ def write_hard_page(path: Path, run: HardRun) -> None:
             pictures=_pictures(run),
             bit_rows=_bit_rows(model),
             limit_rows=_limit_rows(model),
+            reasons=_reasons(model),
         ),
         encoding="utf-8",
     )
@@ -63,19 +64,72 @@ def _cards(model: HardCasesModel) -> list[dict[str, str]]:
 
 
 def _groups(model: HardCasesModel) -> list[dict[str, Any]]:
-    cells = {(cell.case, cell.setting): cell for cell in model.cells if cell.bits == 32}
+    cells: dict[tuple[str, str], list[Cell]] = {}
+    for cell in model.cells:
+        cells.setdefault((cell.case, cell.setting), []).append(cell)
     labels = [setting.label for setting in model.settings]
     found = []
     for number, name in GROUPS.items():
         facts = [case for case in model.cases if case.group == number]
         columns = [n for n in (*labels, "load") if any((case.name, n) in cells for case in facts)]
         rows = [
-            {"name": case.name, "what": case.what, "cells": [_shown(cells.get((case.name, n))) for n in columns]}
+            {
+                "name": case.name,
+                "what": case.what,
+                "cells": [_worst(cells.get((case.name, n), [])) for n in columns],
+                "parts": _parts([cells.get((case.name, n), []) for n in columns]),
+            }
             for case in facts
         ]
         if rows:
             found.append({"number": number, "name": name, "columns": columns, "rows": rows})
     return found
+
+
+def _worst(cells: Sequence[Cell]) -> dict[str, str]:
+    """Return what is shown for all types of input and all bits together: the worst of the cells."""
+    if not cells:
+        return _shown(None)
+    order = ("not applicable", "refused", "pass", "fail")
+
+    def badness(cell: Cell) -> tuple[int, float, float]:
+        found = cell.figures
+        if found is None:
+            return order.index(cell.status), 0.0, 0.0
+        return order.index(cell.status), found.lost + found.extra + found.astray, found.texels or found.codes or 0.0
+
+    chosen, held = max(cells, key=badness), sum(cell.status in ("pass", "refused") for cell in cells)
+    shown, tried = _shown(chosen), sum(cell.status != "not applicable" for cell in cells)
+    if tried:
+        shown["title"] = f"{held} of {tried} within; the worst, {chosen.input}, {chosen.bits} bits: {shown['title']}"
+    return shown
+
+
+def _parts(columns: Sequence[Sequence[Cell]]) -> list[dict[str, Any]]:
+    """One row for each type of input and number of bits."""
+    spots = dict.fromkeys((cell.input, cell.bits) for cells in columns for cell in cells)
+    found = []
+    for spot in spots:
+        mine = [next((cell for cell in cells if (cell.input, cell.bits) == spot), None) for cells in columns]
+        found.append({"input": spot[0], "bits": spot[1], "cells": [_shown(cell) for cell in mine]})
+    return found
+
+
+def _reasons(model: HardCasesModel) -> list[dict[str, Any]]:
+    """Why combinations do not apply, and how many."""
+    counts: dict[str, list[Cell]] = {}
+    for cell in model.cells:
+        if cell.status == "not applicable":
+            counts.setdefault(cell.message, []).append(cell)
+    return [
+        {
+            "reason": reason,
+            "cells": len(cells),
+            "cases": _told({cell.case for cell in cells}),
+            "settings": ", ".join(dict.fromkeys(cell.setting for cell in cells)),
+        }
+        for reason, cells in counts.items()
+    ]
 
 
 def _shown(cell: Cell | None) -> dict[str, str]:
@@ -102,7 +156,7 @@ def _shown(cell: Cell | None) -> dict[str, str]:
 
 def _pictures(run: HardRun) -> list[dict[str, str]]:
     found = []
-    order = {(cell.case, cell.setting): cell for cell in run.model.cells if cell.bits == 32}
+    order = {(c.case, c.setting): c for c in run.model.cells if (c.input, c.bits) == ("float64", 32)}
     for setting in run.model.settings:
         mine = [(case, maps) for (case, label), maps in run.pictures.items() if label == setting.label]
         mine.sort(key=lambda item: (order[item[0], setting.label].status != "fail", -int(item[1].wrong.sum())))
