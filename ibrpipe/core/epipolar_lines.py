@@ -69,52 +69,58 @@ def lay_lines(start, turn, pixels, cells, size, spacing, finest, coarseness, dep
     entries : int
         Entries of the table of all sectors; the first is for pixels that have no line.
     """
-    sectors, edges, entries = np.zeros((4, SECTOR_SIZE)), [], 1
+    sectors, edges, entries = np.zeros((4, SECTOR_SIZE)), [np.zeros((4, 1))] * 4, 1
+    starts, turns, pixels = start.tolist(), turn.tolist(), pixels.tolist()  # plain numbers are quicker one by one
+    cells = (float(cells[0]), float(cells[1]))
     for number in range(4):
-        axis, sign = number >> 1, -1.0 if number & 1 else 1.0
-        own = sectors[number]
-        if _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, finest, coarseness, depths):
+        axis, sign, own = number >> 1, -1.0 if number & 1 else 1.0, [0.0] * SECTOR_SIZE
+        P, Q = _turned(starts, turns, axis, sign, cells)
+        if _lay_sector(own, axis, sign, P, Q, pixels, cells, size, spacing, finest, coarseness, depths):
             own[FIRST] = entries
             entries += int(own[LINES] * own[BINS])
-            edges.append(_column_edges(own, _turned(start, axis, sign, cells)))
-        else:
-            edges.append(np.zeros((4, 1)))
-    longest = max(part.shape[1] for part in edges)
-    packed = np.zeros((4, 4, longest))
+            sectors[number], edges[number] = own, _column_edges(own, P)
+    packed = np.zeros((4, 4, max(part.shape[1] for part in edges)))
     for part, place in zip(edges, packed, strict=True):
         place[:, : part.shape[1]] = part
     return sectors, packed, entries
 
 
-def _turned(values, axis, sign, cells):
-    """Return (along, across, d, q) rows of `values` (4,) or (4, 3)."""
-    along = values[axis] if sign > 0 else cells[axis] * values[3] - values[axis]
-    return np.stack([along, values[1 - axis], values[2], values[3]])
+def _turned(start, turn, axis, sign, cells):
+    """Return start (4,) and turn (4, 3) as (along, across, d, q) rows."""
+    along, ways = start[axis], turn[axis]
+    if sign < 0:
+        along = cells[axis] * start[3] - along
+        ways = [cells[axis] * q - way for q, way in zip(turn[3], ways, strict=True)]
+    return (along, start[1 - axis], start[2], start[3]), (ways, turn[1 - axis], turn[2], turn[3])
 
 
-def _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, finest, coarseness, depths):
+def _lay_sector(own, axis, sign, P, Q, pixels, cells, size, spacing, finest, coarseness, depths):
     """Fill one sector; False where no pixel lies in it or no ray of it can meet the field."""
-    P, Q = _turned(start, axis, sign, cells), _turned(turn, axis, sign, cells)
-    length, breadth = float(cells[axis]), float(cells[1 - axis])
+    length, breadth = cells[axis], cells[1 - axis]
     outward = P[3] >= 0.0
     far = length if outward else 0.0
     reach = far * P[3] - P[0]
     if not reach > NEAREST * (abs(far * P[3]) + abs(P[0])):
         return False
-    along, across = P[3] * Q[0] - Q[3] * P[0], P[3] * Q[1] - Q[3] * P[1]
-    corners = _clip(_clip([(0.0, 0.0), (size[0], 0.0), size, (0.0, size[1])], along - across), along + across)
-    scale = max(abs(along).max(), abs(across).max()) * max(size) * 1e-9
-    region, corners = corners, [p for p in corners if along[0] * p[0] + along[1] * p[1] + along[2] > scale]
+    along = [P[3] * a - q * P[0] for a, q in zip(Q[0], Q[3], strict=True)]
+    across = [P[3] * a - q * P[1] for a, q in zip(Q[1], Q[3], strict=True)]
+    below = [a - b for a, b in zip(along, across, strict=True)]
+    above = [a + b for a, b in zip(along, across, strict=True)]
+    region = _clip(_clip([(0.0, 0.0), (size[0], 0.0), size, (0.0, size[1])], below), above)
+    scale = max(map(abs, along + across)) * max(size) * 1e-9
+    corners = [p for p in region if _at(along, p) > scale]
     if not corners:
         return False
     # across_far = line / along, from the line's coefficients P x Q in (along, across, q)
-    line = far * (P[3] * Q[1] - P[1] * Q[3]) + (P[1] * Q[0] - P[0] * Q[1])
+    line = [
+        far * (P[3] * q1 - P[1] * q3) + (P[1] * q0 - P[0] * q1) for q0, q1, q3 in zip(Q[0], Q[1], Q[3], strict=True)
+    ]
     places, slopes = [], []
-    for x, y in corners:
-        below = along[0] * x + along[1] * y + along[2]
-        place = (line[0] * x + line[1] * y + line[2]) / below
+    for p in corners:
+        under = _at(along, p)
+        place = _at(line, p) / under
         places.append(place)
-        slopes.append(((line[0] - place * along[0]) / below, (line[1] - place * along[1]) / below))
+        slopes.append(((line[0] - place * along[0]) / under, (line[1] - place * along[1]) / under))
     low, high = max(min(places), -length), min(max(places), breadth + length)
     steep = min(math.hypot(*slope) for slope in slopes)
     width = max(spacing * steep, finest, (high - low) / (4.0 * (size[0] + size[1])))
@@ -122,7 +128,7 @@ def _lay_sector(own, axis, sign, start, turn, pixels, cells, size, spacing, fine
         return False
     own[LINES] = math.floor((high - low) / width) + 2
     own[EDGE], own[WIDTH] = low - 0.5 * width, width
-    own[LINE : LINE + 3] = (line - own[EDGE] * along) / width
+    own[LINE : LINE + 3] = [(a - own[EDGE] * b) / width for a, b in zip(line, along, strict=True)]
     own[TURN : TURN + 3] = along
     own[AXIS], own[SIGN], own[ALONG], own[ACROSS], own[OUTWARD] = axis, sign, length, breadth, 1.0 if outward else -1.0
     top = (int(max(cells)) - 1).bit_length()  # one block holds all cells there
@@ -150,7 +156,7 @@ def _clip(corners, line):
 def _reach_columns(P, Q, corners, length, depths, block):
     """Return the first column of blocks, and one past the last, that rays through a polygon of the picture can meet."""
     first, last, blocks = 0.0, length, math.ceil(length / block)
-    if P[3] == 1.0 and not Q[3].any() and math.isfinite(depths[0]):
+    if P[3] == 1.0 and not any(Q[3]) and math.isfinite(depths[0]):
         first, rays = max(first, P[0]), [(_at(Q[0], p), _at(Q[2], p)) for p in corners]
         for depth, way in ((depths[0], 1.0), (depths[1], -1.0)):
             if way * (depth - P[2]) > 0.0:  # the eye is beyond this bound, and rays enter by it
@@ -173,13 +179,13 @@ def _number_bins(own, region, slopes, pixels, far):
     x, y = (x / length, y / length) if length > 0.0 else (0.0, 1.0)
     places = [x * p[0] + y * p[1] for p in region]
     shift = 1.0 - math.floor(min(places))
-    own[BIN : BIN + 3] = x, y, shift
+    own[BIN : BIN + 3] = (x, y, shift)
     own[BINS] = math.floor(max(places)) + shift + 2.0
     own[LINE_STEP], own[BIN_STEP] = (1.0, own[LINES]) if abs(y) > abs(x) else (own[BINS], 1.0)
-    over = x * pixels[0] + y * pixels[1] + shift * pixels[2]
+    over = [x * a + y * b + shift * c for a, b, c in zip(*pixels, strict=True)]
     axis, place = int(own[AXIS]), far if own[SIGN] > 0 else own[ALONG] - far
     for first, row in ((OVER, over), (UNDER, pixels[2])):
-        own[first : first + 3] = row[1 - axis], row[2], row[axis] * place + row[3]
+        own[first : first + 3] = (row[1 - axis], row[2], row[axis] * place + row[3])
 
 
 def _column_edges(own, P):

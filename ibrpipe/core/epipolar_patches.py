@@ -18,6 +18,9 @@ from ibrpipe.core.jit import helper, kernel
 from ibrpipe.core.patch_search import improve, meet_ray
 from ibrpipe.core.rays import clip_box
 
+#: room about the depths of a patch, and about those of a ray in a cell, as a share of their range
+CLOSE = 1e-6
+
 
 @helper
 def start_of(px, py, P, Q, sectors, table):
@@ -50,12 +53,16 @@ def edge_ahead(edge, P, Q, axis, now, last, forward):
 
 
 @helper
-def meet_cell(x, y, i, j, first, last, near, corners, masks, rays, eye):
-    # nearest hit with the patches of one cell -> (t, patch)
+def meet_cell(x, y, i, j, first, last, near, least, greatest, corners, masks, rays, eye):
+    # nearest hit with the patches of one cell that lie between two depths -> (t, patch)
     best, number = np.inf, -1
     for patch in range(first, last):
         a, b = float(corners[patch, 0]), float(corners[patch, 1])
         c, e = float(corners[patch, 2]), float(corners[patch, 3])
+        low, high = min(min(a, b), min(c, e)), max(max(a, b), max(c, e))
+        room = CLOSE * (high - low)
+        if low - room > greatest or high + room < least:
+            continue
         t = meet_ray(x, y, float(i), float(j), a, b, c, e, masks[patch], near, rays, eye, True)
         if t < best:
             best, number = t, patch
@@ -72,7 +79,7 @@ def border_side(first, last, cell):
 
 @helper
 def meet_cells(
-    x, y, i, j, side_i, side_j, near, columns, rows, starts, corners, masks, rays, eye
+    x, y, i, j, side_i, side_j, near, least, greatest, columns, rows, starts, corners, masks, rays, eye
 ):  # fmt: skip
     # as meet_cell, with the cells beyond the borders that the ray runs along
     best, number = np.inf, -1
@@ -81,7 +88,9 @@ def meet_cells(
         if (k & 1 and di == 0) or (k >> 1 and dj == 0) or not (0 <= i + di < columns and 0 <= j + dj < rows):
             continue
         cell = (j + dj) * columns + i + di
-        t, patch = meet_cell(x, y, i + di, j + dj, starts[cell], starts[cell + 1], near, corners, masks, rays, eye)
+        t, patch = meet_cell(
+            x, y, i + di, j + dj, starts[cell], starts[cell + 1], near, least, greatest, corners, masks, rays, eye
+        )  # fmt: skip
         if t < best:
             best, number = t, patch
     return best, number
@@ -110,14 +119,17 @@ def walk_cells(x, y, P, Q, near, far, starts, corners, masks, nodes, meta, grid,
         greatest = grid[0] + float(node >> np.uint32(16)) * grid[1]
         d0, d1 = (P[2] + t * Q[2]) / (P[3] + t * Q[3]), (P[2] + t1 * Q[2]) / (P[3] + t1 * Q[3])
         slack = 1e-9 * grid[1] * 65535.0
-        passes = (min(d0, d1) > greatest + slack) | (max(d0, d1) < least - slack) | (least > greatest)
+        nearest, farthest = min(d0, d1), max(d0, d1)
+        passes = (nearest > greatest + slack) | (farthest < least - slack) | (least > greatest)
         passes &= alone
         if not passes and level > 0:
             level -= 1
             continue
         if not passes:
+            slack += CLOSE * (farthest - nearest)
             hit, patch = meet_cells(
-                x, y, i, j, side_i, side_j, t, columns, rows, starts, corners, masks, rays, eye
+                x, y, i, j, side_i, side_j, t, nearest - slack, farthest + slack, columns, rows, starts, corners, masks,
+                rays, eye,
             )  # fmt: skip
             if patch >= 0:
                 return hit, patch
@@ -153,7 +165,8 @@ def cast_patches(
                 px, py = x + 0.5, y + 0.5
                 for k in range(4):
                     Q[k] = turn[k, 0] * px + turn[k, 1] * py + turn[k, 2]
-                near, far = clip_box(start, Q[0], Q[1], Q[2], Q[3], box, np.inf)
+                seen = float(depth[y, x])  # what is behind another map's hit is not searched
+                near, far = clip_box(start, Q[0], Q[1], Q[2], Q[3], box, seen + CLOSE * seen)
                 near = max(near, start_of(px, py, start, Q, sectors, table))
                 if not near <= far:
                     continue

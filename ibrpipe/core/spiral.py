@@ -11,8 +11,6 @@ sampled at the same spacing.
 import math
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ellipeinc
 
 from ibrpipe.core.jit import helper
 
@@ -22,6 +20,8 @@ LIMIT = math.radians(87.0)
 
 def arc_length(alpha, k):
     """Length of the spiral from the pole to alpha: E(k alpha | m = -1/k^2) (gong-yang, eq. 2)."""
+    from scipy.special import ellipeinc  # here, so that what renders without residuals starts without scipy
+
     return float(ellipeinc(k * alpha, -1.0 / (k * k)))
 
 
@@ -42,6 +42,8 @@ def _missing_length(alpha, k, wanted):
 
 def published_table(k):
     """(n,) f64 ascending: alpha of every sample, L(alpha_f) = f * 2 k pi (gong-yang, eq. 5)."""
+    from scipy.optimize import brentq
+
     spacing, end = 2 * math.pi * k, math.pi / (2 * k)
     alphas = [0.0]
     for f in range(1, sample_count(k)):

@@ -147,6 +147,7 @@ def _relief_of(
             thickness=thickness or THICKNESS * texture_size(found.mesh, coordinates),
             edges=edges,
             normals=found.normals,
+            tangents=found.tangents if uv in ("auto", "file") and found.uv is not None else None,
             **pictures,
         )
     except IbrError as error:

@@ -21,11 +21,13 @@ from ibrpipe.types import Array, Mesh
 
 #: entries of an OBJ material that name a normal map, a height map, and one or the other (a normal map has colours)
 NORMAL_KEYS, HEIGHT_KEYS, BUMP_KEYS = ("norm", "map_kn"), ("disp", "map_disp"), ("map_bump", "bump")
+#: name of tangents in glTF files, and one of the same length under which trimesh keeps them
+TANGENT, KEPT = b'"TANGENT"', "_TANGEN"
 
 
 @dataclass(frozen=True, eq=False)
 class Textured:
-    """A mesh as a file brings it: texture coordinates (F, 3, 2) with v downward, and its textures, or None."""
+    """A mesh as a file brings it; uv (F, 3, 2) with v downward, normals and tangents (F, 3, 3), textures, or None."""
 
     mesh: Mesh
     uv: Array | None
@@ -33,6 +35,7 @@ class Textured:
     color: Array | None
     normal: Array | None
     height: Array | None
+    tangents: Array | None = None
 
 
 def read_textured(path: Path) -> Textured:
@@ -85,13 +88,38 @@ def _read_parts(path: Path) -> list[Any]:
         raise MissingFileError(f"{path}: the mesh does not exist")
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     try:
-        scene = trimesh.load_scene(str(path), process=False)
+        scene = _load_scene(path)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+        for part in parts:
+            _turn_tangents(part, scene)
     except (ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, ArithmeticError) as error:
         raise FormatError(f"{path}: the mesh is damaged ({' '.join(str(error).split())}); export it again") from error
     if not parts:
         raise FormatError(f"{path}: holds no triangles; give a surface, not a point cloud or an empty file")
     return parts
+
+
+def _load_scene(path: Path) -> Any:
+    """Load a file; tangents of a glTF file under a name that trimesh keeps."""
+    import io
+
+    import trimesh
+
+    kind = path.suffix.lower()
+    stored = path.read_bytes() if kind in (".glb", ".gltf") else b""
+    if TANGENT not in stored:
+        return trimesh.load_scene(str(path), process=False)
+    resolver = trimesh.resolvers.FilePathResolver(str(path))
+    file = io.BytesIO(stored.replace(TANGENT, b'"' + KEPT.encode() + b'"'))
+    return trimesh.load_scene(file, file_type=kind[1:], resolver=resolver, process=False)
+
+
+def _turn_tangents(part: Any, scene: Any) -> None:
+    """Bring tangents to where the part stands in the scene, as its vertices are."""
+    turn, name = scene.graph[part.metadata["node"]]
+    tangents = scene.geometry[name].vertex_attributes.get(KEPT)
+    if tangents is not None:
+        part.metadata[KEPT] = np.asarray(tangents, np.float64)[:, :3] @ turn[:3, :3].T
 
 
 def _by_material(path: Path, parts: Sequence[Any]) -> list[list[Any]]:
@@ -132,7 +160,11 @@ def _join(path: Path, parts: Sequence[Any], shown: Any) -> Textured:
         uv = np.ascontiguousarray(np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1))
     material = getattr(shown.visual, "material", None) if shown is not None else None
     textures = _textures(path, material) if material is not None else (None, None, None)
-    return Textured(mesh, uv, _stored_normals(parts), *textures)
+    tangents = [part.metadata.get(KEPT) for part in parts]
+    corners = None
+    if all(each is not None for each in tangents):
+        corners = np.concatenate([each[part.faces] for each, part in zip(tangents, parts)]).astype(np.float32)
+    return Textured(mesh, uv, _stored_normals(parts), *textures, tangents=corners)
 
 
 def _stored_normals(parts: Sequence[Any]) -> Array | None:

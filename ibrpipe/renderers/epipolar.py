@@ -18,6 +18,7 @@ from ibrpipe.renderers import ldi
 from ibrpipe.renderers.epipolar_maps import EYE, Map, cast_map, patch_map
 from ibrpipe.renderers.epipolar_samples import Raster, build_raster, cast_raster, shade_raster
 from ibrpipe.renderers.fields import Field, PatchField
+from ibrpipe.renderers.scratch import borrow
 from ibrpipe.types import Array, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
 
 Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
@@ -87,9 +88,9 @@ def _shade(maps: Maps, hits: ldi.Hits, camera: Camera, search: str) -> tuple[Arr
 
 
 def find_hits(maps: Maps, camera: Camera, search: str = "exact", stats: dict[str, Any] | None = None) -> ldi.Hits:
-    """Find the nearest hit of every pixel's ray over all maps."""
+    """Find the nearest hit of every pixel's ray over all maps; the numbers of hits are valid until the next call."""
     depth = np.full((camera.height, camera.width), np.inf, np.float32)
-    ids = np.full(depth.shape, 2**32 - 1, np.uint32)
+    ids = borrow("epipolar hits", depth.size, np.uint32, 2**32 - 1).reshape(depth.shape)
     lines = 0
     if search == "exact":
         for one in maps.maps:

@@ -14,6 +14,7 @@ from ibrpipe.core import epipolar_bounds, epipolar_cast, epipolar_lines, epipola
 from ibrpipe.core.quadtree import STEPS, plan_levels
 from ibrpipe.renderers.fields import Field, HeightField, PatchField
 from ibrpipe.renderers.first_call import FirstCall, Kernel
+from ibrpipe.renderers.scratch import borrow
 from ibrpipe.types import Array, Camera
 
 #: greatest width of a line in the picture (pixels), least in the reference (cells), blocks per width of a line
@@ -123,13 +124,16 @@ def _empty_bounds(rows: int, columns: int, low: float, high: float) -> tuple[Arr
 def sweep_map(
     one: Map, camera: Camera, spacing: float = SPACING, finest: float = FINEST, coarseness: float = COARSENESS
 ) -> tuple[Array, Array]:
-    """Lay the epipolar lines of one map and sweep them: (sectors, table) of :mod:`ibrpipe.core.epipolar_sweep`."""
+    """Lay the epipolar lines of one map and sweep them: (sectors, table) of :mod:`ibrpipe.core.epipolar_sweep`.
+
+    The table is valid until the same thread sweeps another map.
+    """
     start, turn = one.field.place.rays(camera)
     sectors, edges, entries = epipolar_lines.lay_lines(
         start, turn, one.field.place.pixels(camera), (one.box[0], one.box[1]), (camera.width, camera.height),
         spacing, finest, coarseness, (one.box[2], one.box[3]),
     )  # fmt: skip
-    table = np.full(entries, np.inf, np.float32)
+    table = borrow("epipolar table", entries, np.float32, np.inf)
     table[0] = -np.inf
     groups = np.zeros(5, np.int64)
     groups[1:] = np.cumsum(-(-sectors[:, epipolar_lines.LINES].astype(np.int64) // epipolar_sweep.GROUP))

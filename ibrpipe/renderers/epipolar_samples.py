@@ -10,6 +10,7 @@ import numpy as np
 
 from ibrpipe.core import epipolar_lines, epipolar_near, epipolar_samples, epipolar_sweep
 from ibrpipe.renderers.fields import UNKNOWN_GAP, Field, HeightField, Place
+from ibrpipe.renderers.scratch import borrow
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ReliefTexture
 
 #: greatest width of a line in the picture (pixels), least in the reference (texels)
@@ -122,7 +123,7 @@ def cast_raster(raster: Raster, camera: Camera, search: str, base: int, depth: A
     groups[1:] = np.cumsum(-(-sectors[:, epipolar_lines.LINES].astype(np.int64) // epipolar_sweep.GROUP))
     if not groups[4]:
         return 0
-    table = np.full(entries, np.inf, np.float32)
+    table = borrow("epipolar table", entries, np.float32, np.inf)
     epipolar_samples.sweep_samples(
         sectors, edges, flat, columns, linear, raster.gaps, raster.steps, groups, parts, table
     )

@@ -17,6 +17,7 @@ from ibrpipe.core.relief_mesh_tree import find_walls, fit_boxes, sort_faces
 from ibrpipe.core.texture_mips import build_mips
 from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
 from ibrpipe.relief_mesh import ReliefMesh
+from ibrpipe.renderers.first_call import FirstCall, Kernel
 from ibrpipe.types import Array, Camera
 
 #: faces around a vertex that bend more than this do not share a normal
@@ -25,6 +26,36 @@ CREASE = math.cos(math.radians(40.0))
 SHEETS = 32
 MODELS = ("flat", "shell")
 MAPPINGS = {"plain": 0.0, "bump": 1.0, "parallax": 2.0, "relief": 3.0}
+
+_LAYERS = "Tuple((float32[:,::1], float32[:,::1], float32[::1], float32[::1], int64[::1]))"
+_MIPS = "Tuple((float32[:,::1], int64[:,::1]))"
+#: what a second process compiles at the first call
+BESIDE = FirstCall(
+    (
+        Kernel(
+            "relief_mesh_raster", "draw_faces",
+            "(float64[:,::1], int64[:,::1], int32[:,::1], float64[:,::1], float64[:,::1], float32[:,::1], "
+            "float64[:,::1], int32[:,::1])",
+        ),
+        Kernel(
+            "relief_mesh_shade", "shade_hits",
+            f"(uint8[:,::1], float32[:,::1], float64[:,:,::1], float32[:,:,::1], {_LAYERS}, float64[::1], "
+            f"float64[::1], float64[:,::1], {_MIPS}, {_MIPS}, float32[:,:,::1], float32[:,::1])",
+        ),
+    ),
+    meanwhile=(
+        Kernel(
+            "relief_mesh_hit", "hit_faces",
+            f"(Tuple((float64[:,::1], int64[:,::1], float64[:,:,::1], float32[:,:,::1])), {_LAYERS}, float64[::1], "
+            "float64[:,::1], float64[:,::1], int32[:,::1], float32[:,::1], uint8[:,::1], float64[:,:,::1], "
+            "float32[:,:,::1])",
+        ),
+        Kernel(
+            "relief_mesh_raster", "bound_faces",
+            "(float64[:,::1], int64[:,::1], float64[:,::1], boolean, int64, int64, int32[:,::1])",
+        ),
+    ),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -194,6 +225,7 @@ class MeshPart:
         if color is not None and alpha is not None:
             mine, places, turns = buffers
             lamp = look.lamp(camera.center, self.source.normal is None)
+            BESIDE.wait()
             relief_mesh_shade.shade_hits(
                 mine, depth, places, turns, self.layers, rule, lamp, ways, self.colors, self.normals, color, alpha
             )
@@ -210,6 +242,7 @@ class MeshPart:
         if not moved and source.tangents is not None:
             _take_tangents(frames, source.tangents)
         mesh, ways = (local, self.corners, source.uv, frames), camera.world_from_pixel
+        BESIDE.wait()
         bounds = np.empty((len(self.corners), 4), np.int32)
         relief_mesh_raster.bound_faces(
             local, self.corners, camera.K @ camera.R, look.two_sided, size[1], size[0], bounds
@@ -268,6 +301,7 @@ def build_mesh(source: ReliefMesh) -> MeshPart:
     """
     if max(source.height.shape) > 2**15:
         raise RendererError(f"a relief of {source.height.shape} texels is too large; at most 32768 on a side")
+    BESIDE.begin()
     wraps = source.edges == "wrap"
     number = weld(source.mesh.vertices)
     _, first = np.unique(number, return_index=True)

@@ -201,6 +201,9 @@ class Geometry(_Document):
     measured: dict[str, float] | None = Field(None, description="The figures behind the choice of the method")
     points: int | None = Field(None, description="Points that depth maps agree on")
     voxel: float | None = Field(None, description="Size of a voxel, scene units")
+    voxel_wanted: float | None = Field(
+        None, description="Size of a voxel that the settings ask for; it is smaller where memory did not suffice"
+    )
     parts_dropped: int | None = Field(None, description="Connected parts that were too small to keep")
     area: float | None = Field(None, description="Of the surface, square scene units")
     unseen_share: Share | None = Field(None, description="Share of the area that no depth map shows")

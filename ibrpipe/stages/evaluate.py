@@ -18,7 +18,7 @@ from ibrpipe.io.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import View, ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.stages.contest import Contest, make_contest
-from ibrpipe.stages.geometry_scores import GeometryRules, find_truth, measure_geometry
+from ibrpipe.stages.geometry_scores import GeometryRules, filled_vertices, find_truth, measure_geometry
 from ibrpipe.stages.held_out import held_out_views, load_truth, read_frames
 from ibrpipe.stages.machine import describe_machine
 from ibrpipe.stages.metrics import GeometryScores, MetricsModel, Scores, ViewMetrics, mean_scores, write_metrics
@@ -133,7 +133,8 @@ def _surface(
     scores, true = None, None
     if found is not None:
         rules = GeometryRules(config.surface_thresholds, config.surface_samples)
-        scores, true = measure_geometry(mesh, found, views.train, inputs.mesh.parent / "dense", rules)
+        dense, filled = inputs.mesh.parent / "dense", filled_vertices(inputs.mesh)
+        scores, true = measure_geometry(mesh, found, views.train, dense, rules, filled)
     confidence = read_vertex_values(inputs.mesh).get("confidence") if inputs.mesh.suffix == ".ply" else None
     if true is None and confidence is None:
         return None, []

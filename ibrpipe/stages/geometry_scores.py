@@ -11,12 +11,12 @@ import numpy as np
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.io.dense import Workspace
-from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import View
 from ibrpipe.stages.depth_error import DepthError, depth_error, maps_of
 from ibrpipe.stages.metrics import DepthScores, GeometryScores, ThresholdScores
 from ibrpipe.stages.surface_error import SurfaceError, compare_surfaces
-from ibrpipe.types import Mesh
+from ibrpipe.types import Array, Mesh
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,26 @@ def find_truth(named: Path | None, given: Path | None, mesh: Path) -> Path | Non
     return None if decision == "given" else given
 
 
+def filled_vertices(mesh: Path) -> Array | None:
+    """Return which vertices of a mesh file no depth map shows, (V,) bool; None where the file does not tell."""
+    observations = read_vertex_values(mesh).get("observations") if mesh.suffix.lower() == ".ply" else None
+    return None if observations is None else observations == 0
+
+
 def measure_geometry(
-    mesh: Mesh, truth: Path, views: Sequence[View], dense: Path | None, rules: GeometryRules
+    mesh: Mesh,
+    truth: Path,
+    views: Sequence[View],
+    dense: Path | None,
+    rules: GeometryRules,
+    filled: Array | None = None,
 ) -> tuple[GeometryScores, Mesh]:
-    """Compare a surface, and the depth maps in the folder `dense`, with the true mesh; also return that mesh."""
+    """Compare a surface, and the depth maps in the folder `dense`, with the true mesh; also return that mesh.
+
+    `filled` (V,) bool marks vertices that no depth map shows.
+    """
     true = read_mesh(truth)
-    error = compare_surfaces(mesh, true, views, rules.thresholds, rules.samples)
+    error = compare_surfaces(mesh, true, views, rules.thresholds, rules.samples, filled)
     maps = maps_of(Workspace(dense), views) if dense is not None and dense.is_dir() else ()
     distances = [share * error.diagonal for share in rules.thresholds]
     depth = depth_error(maps, MeshCaster(true), distances) if maps else None
@@ -75,6 +89,7 @@ def scores_of(error: SurfaceError, name: str, rules: GeometryRules, depth: Depth
                 precision=score.precision,
                 recall=score.recall,
                 f_score=score.f_score,
+                f_score_seen=score.f_score_seen,
             )
             for score in error.scores
         ],

@@ -50,6 +50,10 @@ class ThresholdScores(_Record):
     precision: float = Field(description="Share of the reconstruction near the truth, 0..1")
     recall: float = Field(description="Share of the truth near the reconstruction, 0..1")
     f_score: float = Field(description="Harmonic mean of both")
+    f_score_seen: float | None = Field(
+        default=None,
+        description="Harmonic mean with the precision of what depth maps show alone; null = the mesh does not tell",
+    )
 
 
 class DepthScores(_Record):

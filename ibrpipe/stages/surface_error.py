@@ -34,6 +34,8 @@ class ThresholdScore:
         The same in scene units.
     precision, recall, f_score : float
         0..1.
+    f_score_seen : float or None
+        The same with the precision of what was not filled; None where the mesh does not tell.
     """
 
     share: float
@@ -41,6 +43,7 @@ class ThresholdScore:
     precision: float
     recall: float
     f_score: float
+    f_score_seen: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,7 @@ def compare_surfaces(
     views: Sequence[View] = (),
     shares: Sequence[float] = (0.0025, 0.005, 0.01),
     samples: int = 100_000,
+    filled: Array | None = None,
 ) -> SurfaceError:
     """Measure a surface against the truth.
 
@@ -84,6 +88,8 @@ def compare_surfaces(
         Thresholds as shares of the true surface's diagonal.
     samples : int
         Points on either surface.
+    filled : (V,) bool, optional
+        Vertices of the mesh that no depth map shows; scores without them are added.
 
     Raises
     ------
@@ -100,10 +106,14 @@ def compare_surfaces(
     counts, seen = seen_twice(truth_caster, (wanted, shadows), views)
     if not counts.any():
         raise CaptureError("no two photos see the true surface; check that it shares the cameras' world")
+    claimed: Array = np.ones(len(accuracy), bool)
+    if filled is not None:
+        claimed = (filled[mesh.faces[mesh_caster.closest(made.position)[1]]] == 0).any(axis=1)
     if seen.any():
-        accuracy = accuracy[seen]
+        accuracy, claimed = accuracy[seen], claimed[seen]
     completeness = completeness[counts]
-    scores = tuple(_score(share, share * wanted.diagonal, accuracy, completeness) for share in shares)
+    told = None if filled is None else claimed
+    scores = tuple(_score(share, share * wanted.diagonal, accuracy, completeness, told) for share in shares)
     return SurfaceError(wanted.diagonal, accuracy, completeness, scores, float(counts.mean()))
 
 
@@ -119,7 +129,15 @@ def seen_twice(caster: MeshCaster, groups: Sequence[SurfacePoints], views: Seque
     return [count >= 2 for count in counts]
 
 
-def _score(share: float, distance: float, accuracy: Array, completeness: Array) -> ThresholdScore:
-    precision, recall = float((accuracy <= distance).mean()), float((completeness <= distance).mean())
+def _score(
+    share: float, distance: float, accuracy: Array, completeness: Array, claimed: Array | None
+) -> ThresholdScore:
+    near, recall = accuracy <= distance, float((completeness <= distance).mean())
+    precision = float(near.mean())
+    apart = None if claimed is None or not claimed.any() else _harmonic(float(near[claimed].mean()), recall)
+    return ThresholdScore(share, distance, precision, recall, _harmonic(precision, recall), apart)
+
+
+def _harmonic(precision: float, recall: float) -> float:
     both = precision + recall
-    return ThresholdScore(share, distance, precision, recall, 2 * precision * recall / both if both else 0.0)
+    return 2 * precision * recall / both if both else 0.0

@@ -178,3 +178,25 @@ def test_materials_without_heights_are_flat_and_coloured_bumps_are_normals(tmp_p
     (tmp_path / "bumps.png").unlink()
     with pytest.raises(ibrpipe.IbrError, match=r"bumps.png: the map that two.obj names does not exist"):
         ibrpipe.read_relief_meshes(tmp_path / "two.obj")
+
+
+@pytest.mark.parametrize("kind", ["glb", "gltf"])
+def test_tangents_of_the_file(kind, tmp_path):
+    mesh = trimesh.Trimesh(PLACES, FACES, process=False)
+    material = trimesh.visual.material.PBRMaterial(normalTexture=normal_image())
+    mesh.visual = trimesh.visual.TextureVisuals(uv=UV, material=material)
+    mesh.vertex_attributes["_TANGEN"] = np.tile(np.float32([0.6, 0.8, 0, 1]), (4, 1))
+    turn = np.array([[0, -1, 0, 5], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], float)
+    scene = trimesh.Scene()
+    scene.add_geometry(mesh, transform=turn)
+    if kind == "glb":
+        (tmp_path / "quad.glb").write_bytes(scene.export(file_type="glb").replace(b'"_TANGEN"', b'"TANGENT"'))
+    else:
+        for name, content in trimesh.exchange.gltf.export_gltf(scene).items():
+            (tmp_path / name.replace("model", "quad")).write_bytes(content.replace(b'"_TANGEN"', b'"TANGENT"'))
+    source = ibrpipe.read_relief_mesh(tmp_path / f"quad.{kind}")
+    np.testing.assert_allclose(source.tangents, np.broadcast_to([-0.8, 0.6, 0], (2, 3, 3)), atol=1e-6)
+    assert source.mesh.vertices[:, 0].max() == 5
+    assert ibrpipe.read_relief_mesh(tmp_path / f"quad.{kind}", uv="planar").tangents is None
+    view = ibrpipe.Camera.look_at((4, 1, 4), (4, 1, 0), up=(0, 1, 0), width=20, height=20)
+    assert np.isfinite(ibrpipe.render(source, view, "relief").depth).any()

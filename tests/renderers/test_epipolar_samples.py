@@ -145,6 +145,21 @@ def test_steps_of_a_depth_image_are_not_bridged():
         assert np.mean(np.isclose(seen[there], 2.0, atol=0.1) | np.isclose(seen[there], 5.0, atol=0.1)) > 0.98
 
 
+@pytest.mark.parametrize("search", ["exact", "nearest"])
+def test_frames_do_not_share_memory(search):
+    """Working memory that is kept from frame to frame leaves earlier frames, and smaller ones after it, as they are."""
+    source = ibrpipe.prepare(smooth(), "epipolar")
+    wide, small = (Camera.look_at((9, -12, 14), (9, 8, 1), width=w, height=40) for w in (60, 30))
+    first = ibrpipe.render(source, wide, "epipolar", search=search)
+    kept = first.depth.copy(), first.color.copy()
+    alone = ibrpipe.render(source, small, "epipolar", search=search)
+    again = ibrpipe.render(source, wide, "epipolar", search=search)
+    np.testing.assert_array_equal(first.depth, kept[0])
+    np.testing.assert_array_equal(first.color, kept[1])
+    np.testing.assert_array_equal(again.depth, kept[0])
+    np.testing.assert_array_equal(alone.depth, ibrpipe.render(source, small, "epipolar", search=search).depth)
+
+
 @pytest.mark.parametrize("search", ["nearest", "linear"])
 def test_coincident_eyes_and_forward_motion_lose_nothing(search):
     reference = Camera.look_at((0.3, -0.2, 6.0), (0, 0, 0), (0, 1, 0), 40.0, 40, 30)

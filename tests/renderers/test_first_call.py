@@ -13,7 +13,8 @@ import pytest
 from numba.core.sigutils import normalize_signature
 
 import ibrpipe
-from ibrpipe.renderers import epipolar_maps, first_call, prewarp_passes, relief_fields
+import ibrpipe.types
+from ibrpipe.renderers import epipolar_maps, first_call, prewarp_passes, relief_fields, relief_mesh
 from ibrpipe.renderers.first_call import FirstCall, Kernel
 
 SMALL = Kernel("relief_shade", "place_hits", "(float32[:,::1], uint32[:,::1], uint32, float64[::1], float64[:,::1], "
@@ -33,6 +34,17 @@ def test_what_is_listed_is_what_a_frame_calls(renderer):
     for kernel in (*LISTED[renderer].kernels, *LISTED[renderer].meanwhile):
         if renderer == "ldi" and kernel.module == "relief_shade":
             continue
+        called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
+        assert normalize_signature(kernel.types)[0] in called, kernel.name
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_what_is_listed_for_meshes_is_what_a_frame_calls():
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0]], float)
+    mesh = ibrpipe.types.Mesh(corners, np.array([[0, 1, 2]]))
+    source = ibrpipe.ReliefMesh(mesh, corners[None, :, :2], np.ones((3, 3)), 0.1)
+    ibrpipe.render(source, ibrpipe.Camera.look_at((0, 0.1, 3), (0, 0, 0), width=16, height=12), "relief")
+    for kernel in (*relief_mesh.BESIDE.kernels, *relief_mesh.BESIDE.meanwhile):
         called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
         assert normalize_signature(kernel.types)[0] in called, kernel.name
 

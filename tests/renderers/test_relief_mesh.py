@@ -226,6 +226,22 @@ def test_mip_maps_calm_what_is_far_away():
     np.testing.assert_allclose(calm.color[hit].mean(), 0.5, atol=0.02)
 
 
+def test_anisotropic_probes_are_nearer_to_the_average_of_many_rays():
+    y, x = np.mgrid[:64, :64]
+    board = (0.5 + 0.45 * np.sign(np.sin(np.pi * x / 4) * np.sin(np.pi * y / 8)))[..., None] * np.ones(3)
+    source = ibrpipe.prepare(quad(np.full((4, 4), 0.9, np.float32), thickness=0.02, color=board), "relief")
+    view = camera((0, -2.6, 0.46), size=(40, 30), target=(0, 0, 0), fov=38)
+    many = ibrpipe.render(source, view.resized(400, 300), "relief", anisotropy=0)
+    inside = many.alpha.reshape(30, 10, 40, 10).mean((1, 3)) == 1
+    truth = many.color.reshape(30, 10, 40, 10, 3).mean((1, 3))[inside]
+    error = {}
+    for probes in (0, 1, 8):
+        color = ibrpipe.render(source, view, "relief", anisotropy=probes).color[inside]
+        error[probes] = np.sqrt(np.mean((color - truth) ** 2))
+    assert error[8] < 0.8 * error[1]
+    assert error[8] < 0.8 * error[0]
+
+
 def test_deformed_vertices_equal_a_new_source():
     mesh, uv = dome()
     source = ReliefMesh(mesh, uv, rough((6, 9)), 0.15)

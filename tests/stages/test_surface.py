@@ -15,12 +15,14 @@ from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import View, read_views
 from ibrpipe.stages.surface.build import build_surface
 from ibrpipe.stages.surface.doubt import contradicting, doubted
+from ibrpipe.stages.surface.explain import explained
 from ibrpipe.stages.surface.fill import behind
 from ibrpipe.stages.surface.finish import large_patches, openings, parts, simplified, whole_parts, without_vertices
-from ibrpipe.stages.surface.fusion import FusionRules, fuse
+from ibrpipe.stages.surface.fusion import Cloud, FusionRules, fuse
 from ibrpipe.stages.surface.hull import load_outlines
 from ibrpipe.stages.surface.hull_surface import hull_surface
 from ibrpipe.stages.surface.maps import load_map, slope_normals
+from ibrpipe.stages.surface.poisson import POINT_BYTES, poisson_surface, thinned
 from ibrpipe.stages.surface.settings import SurfaceConfig
 from ibrpipe.stages.surface_error import compare_surfaces
 from ibrpipe.types import Mesh
@@ -135,6 +137,38 @@ def test_masks_that_lose_a_part_say_nothing_there(ball, noisy, tmp_path: Path) -
     assert np.isnan(mended[inside]).mean() > 0.9
     assert np.isnan(mended).sum() < 1.5 * inside.sum()
     assert doubted(outlines[0], against[:0]) is outlines[0]
+
+
+def test_poisson_takes_no_more_points_than_memory_holds(ball) -> None:
+    mesh = ball[1]
+    normals = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
+    count = len(normals)
+    ones = np.ones(count, np.float32)
+    cloud = Cloud(normals, normals.astype(np.float32), ones, np.full(count, 3, np.int32), 0.02 * ones)
+    fine, step = poisson_surface(cloud, 0.1, 10**9)
+    coarse, larger = poisson_surface(cloud, 0.02, 1000 * POINT_BYTES)
+    assert step == 0.1
+    assert len(thinned(normals, normals, 0.02)[0]) > 1000 >= len(thinned(normals, normals, larger)[0])
+    assert larger > 0.02
+    assert openings(fine).loops == openings(coarse).loops == 0
+
+
+def test_a_surface_explains_the_pixels_that_it_is_right_about(ball, noisy, tmp_path: Path) -> None:
+    mesh = ball[1]
+    fused = fuse(noisy, FusionRules(pixels=1.5, relative=0.02), tmp_path)
+    right = explained(mesh, fused.maps, 0.1)
+    assert 0.9 < right <= 1
+    assert explained(Mesh(1.2 * mesh.vertices, mesh.faces), fused.maps, 0.1) < 0.5 * right
+    upper = mesh.faces[mesh.vertices[mesh.faces][:, :, 2].mean(axis=1) > 0]
+    assert explained(Mesh(mesh.vertices, upper), fused.maps, 0.1) < 0.8 * right
+
+
+def test_points_are_left_out_where_memory_asks_for_it(noisy, tmp_path: Path) -> None:
+    rules = FusionRules(pixels=1.5, relative=0.02)
+    whole = fuse(noisy, rules, tmp_path / "a").cloud
+    few = fuse(noisy, rules, tmp_path / "b", len(whole.position) * 10).cloud
+    assert 0 < len(few.position) * 48 <= len(whole.position) * 10
+    assert set(map(tuple, few.position)) <= set(map(tuple, whole.position))
 
 
 def test_only_large_marked_pieces_count() -> None:

@@ -56,6 +56,21 @@ def test_half_a_surface_is_accurate_and_half_complete(ball) -> None:
     assert error.seen_share == 1
 
 
+def test_what_was_filled_is_told_apart(ball) -> None:
+    _, truth = ball[:2]
+    off = truth.vertices.copy()
+    filled = off[:, 2] > 0.5
+    off[filled] *= 1.1
+    error = compare_surfaces(Mesh(off, truth.faces), truth, (), (0.005,), 3000, filled)
+    score = error.scores[0]
+    assert score.precision < 0.8
+    alone = score.f_score_seen
+    assert alone is not None
+    precision = alone * score.recall / (2 * score.recall - alone)
+    assert 0.9 < precision <= 1  # faces at the rim count as seen
+    assert compare_surfaces(truth, truth, (), (0.005,), 3000).scores[0].f_score_seen is None
+
+
 def test_what_nobody_sees_does_not_count(ball) -> None:
     views, truth = ball
     inner = _scaled(truth, 0.05)  # a stray part deep inside: its nearest true points are partly unseen
@@ -109,9 +124,14 @@ def test_figures_and_words(ball, tmp_path: Path) -> None:
     assert scores.depth is None
     document = {"method": "poisson", "reason": "why", "faces": 12345, "unseen_share": 0.02, "boundary_loops": 1}
     text = " ".join(surface_sentences(scores, document))
-    for part in ("Poisson", "1.000 at 1 %", "2.0 %", "1 open border.", "true.ply"):
+    for part in ("Poisson", "1.000 at 1 %", "2.0 %", "1 open border,", "true.ply"):
         assert part in text
     assert surface_sentences(None, None) == []
+    document |= {"boundary_loops": 0, "filled_by_outlines": True, "voxel": 0.2, "voxel_wanted": 0.1}
+    document |= {"seconds": {"depth": 71.2, "fusion": 3}, "peak_memory_bytes": 1_200_000_000}
+    text = " ".join(surface_sentences(None, document))
+    for part in ("it is closed", "confidence 0", "2.0 times larger", "depth 71 s, fusion 3 s; 1.20 GB"):
+        assert part in text
 
 
 def test_pictures_show_the_surface_its_error_and_its_back(ball) -> None:

@@ -29,7 +29,7 @@ class ReportSources:
     surface : mapping
         The audit's figures of how well the surface is seen.
     geometry : mapping
-        What ``geometry.json`` says of the surface; None where it was given.
+        What ``geometry.json`` says of the surface, and the memory it took; None where it was given.
     """
 
     name: str
@@ -48,6 +48,7 @@ def read_sources(views: ViewSet, run: Path | None, mesh: Path | None = None) -> 
     plan = _read(run, "plan/plan.json")
     audit = _read(run, "ingest/audit.json")
     geometry = _read(None if mesh is None else mesh.parent, "geometry.json")
+    cost = _read(None if mesh is None else mesh.parent, "manifest.json").get("peak_memory_bytes")
     first = (views.train + views.test)[0].camera
     return ReportSources(
         name=Path(capture).name or "capture",
@@ -57,7 +58,7 @@ def read_sources(views: ViewSet, run: Path | None, mesh: Path | None = None) -> 
         reasons=tuple(plan.get("reasons", ())),
         findings=tuple(_below(capture, finding) for finding in audit.get("findings", ())),
         surface=audit.get("surface") or geometry.get("coverage") or None,
-        geometry=None if geometry.get("decision", "given") == "given" else geometry,
+        geometry=None if geometry.get("decision", "given") == "given" else {**geometry, "peak_memory_bytes": cost},
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,9 @@ from ibrpipe.io.dense import DepthMap
 from ibrpipe.progress import track
 from ibrpipe.stages.surface.maps import LoadedMap, MapCache, MapStore, Packed, pack
 from ibrpipe.types import Array
+
+#: bytes of a point of a cloud
+POINT_BYTES = 48
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,14 @@ class Cloud:
     votes: Array
     spacing: Array
 
+    def every(self, stride: int) -> Cloud:
+        """Return every so manieth point."""
+        return self if stride == 1 else self.chosen(np.arange(0, len(self.position), stride))
+
+    def chosen(self, index: Array) -> Cloud:
+        """Return some of the points, by number or by a mask."""
+        return Cloud(*(getattr(self, each.name)[index] for each in fields(self)))
+
 
 @dataclass(frozen=True, eq=False)
 class Fused:
@@ -97,13 +108,13 @@ def fuse(maps: Sequence[DepthMap], rules: FusionRules, scratch: Path, memory: in
     scratch : Path
         Folder for the confirmed maps.
     memory : int
-        Bytes that loaded maps may take.
+        Bytes that loaded maps may take, and again that the points may take: beyond that every second point is left out.
     """
     cache, rule = MapCache(maps, memory), rules.packed()
     used: dict[str, Array] = {}
     store = MapStore(scratch)
     clouds: list[Cloud] = []
-    counts = np.zeros(3, np.int64)
+    counts, stride = np.zeros(3, np.int64), 1
     for given in track(maps, "fuse depth maps"):
         own = cache.get(given.view.name)
         others = [cache.get(name) for name in neighbours_of(given, maps)]
@@ -114,7 +125,9 @@ def fuse(maps: Sequence[DepthMap], rules: FusionRules, scratch: Path, memory: in
         for each, start, end in zip((own, *others), packed.starts[:-1], packed.starts[1:]):
             used[each.name] = marks[start:end].copy()
         kept = (votes[..., 0] >= rules.votes) & (votes[..., 0] > votes[..., 1])
-        clouds.append(_cloud(own, mean, normal, votes, kept & (used[own.name].reshape(kept.shape) == 0)))
+        clouds.append(_cloud(own, mean, normal, votes, kept & (used[own.name].reshape(kept.shape) == 0)).every(stride))
+        while len(clouds) > 1 and sum(len(each.position) for each in clouds) * POINT_BYTES > memory:
+            clouds, stride = [each.every(2) for each in clouds], 2 * stride
         store.put(replace(own, depth=mean[..., 0] * kept, normal=normal, confidence=mean[..., 1] * kept))
         counts += (int((own.depth > 0).sum()), int(kept.sum()), int((own.mask >= 0.5).sum()))
     return Fused(store, joined(clouds), int(counts[0]), int(counts[1]), int(counts[2]))
@@ -164,5 +177,4 @@ def joined(clouds: Sequence[Cloud]) -> Cloud:
     if not clouds:
         none = np.zeros(0, np.float32)
         return Cloud(np.zeros((0, 3)), np.zeros((0, 3), np.float32), none, np.zeros(0, np.int32), none)
-    names = ("position", "normal", "confidence", "votes", "spacing")
-    return Cloud(*(np.concatenate([getattr(cloud, name) for cloud in clouds]) for name in names))
+    return Cloud(*(np.concatenate([getattr(cloud, each.name) for cloud in clouds]) for each in fields(Cloud)))

@@ -1,0 +1,153 @@
+"""The ways to a surface: outlines alone, averaged distances, Poisson on their points; and what is cut off again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ibrpipe.core.volume import SIDE
+from ibrpipe.stages.surface.choose import Choice
+from ibrpipe.stages.surface.doubt import doubted
+from ibrpipe.stages.surface.explain import explained
+from ibrpipe.stages.surface.fill import with_outlines
+from ibrpipe.stages.surface.finish import (
+    evidence,
+    grown,
+    large_patches,
+    vertex_normals,
+    whole_parts,
+    without_vertices,
+)
+from ibrpipe.stages.surface.fusion import Cloud, Fused
+from ibrpipe.stages.surface.hull import Outline, outline_of
+from ibrpipe.stages.surface.hull_surface import hull_surface
+from ibrpipe.stages.surface.poisson import poisson_surface
+from ibrpipe.stages.surface.settings import Method, SurfaceConfig
+from ibrpipe.stages.surface.volume import VOXEL_BYTES, VOXELS, Weights, blocks_around, extract, summed
+from ibrpipe.types import Array, Mesh
+
+#: voxels of the outlines' surface that fills, in voxels of the surface that is seen
+FILL_COARSER = 2.0
+#: voxels from every point at which a surface counts as invented
+REACH = 6.0
+#: share of the area from which on an invented piece, or one that maps look through, is cut out of a filled surface
+MEMBRANE = 0.002
+_KNOWN = np.ones((1, 1), bool)
+
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """What a surface is made from.
+
+    Attributes
+    ----------
+    fused : Fused
+    outlines : sequence of Outline
+        Empty where not every photo has a mask.
+    against : (N, 3) float64
+        Points that the masks contradict, see `doubt`.
+    config : SurfaceConfig
+    memory : int
+        Bytes that volume or solver may take.
+    """
+
+    fused: Fused
+    outlines: Sequence[Outline]
+    against: Array
+    config: SurfaceConfig
+    memory: int
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A surface, cleaned.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    method : str
+    step, wanted : float
+        Size of its voxels, and the size that was asked for, scene units.
+    dropped : int
+        Parts that were too small to keep.
+    explained : dict
+        Share of the masks' pixels that each way explains; empty where only one was tried.
+    """
+
+    mesh: Mesh
+    method: Method
+    step: float
+    wanted: float
+    dropped: int
+    explained: dict[str, float]
+
+
+def make(choice: Choice, sources: Sources) -> Made:
+    """Make the chosen surface; where Poisson was chosen by itself, averaged distances alone may still explain more."""
+    config = sources.config
+    if choice.method == "hull":
+        mesh, step = hull_surface(sources.outlines, config.voxel_pixels, sources.memory)
+        return _made(whole_parts(mesh, config.least_part), "hull", step, step)
+    wanted = config.voxel_pixels * float(np.median(sources.fused.cloud.spacing))
+    volume, step = by_volume(sources, wanted)
+    if choice.method == "volume":
+        return _made(cleaned(volume, sources, False, step), "volume", step, wanted)
+    mesh, solved = by_poisson(sources, volume, step, choice.fill)
+    made = _made(cleaned(mesh, sources, choice.fill, solved), "poisson", solved, wanted)
+    if config.method != "auto":
+        return made
+    other = _made(cleaned(volume, sources, False, step), "volume", step, wanted)
+    first, second = (explained(each.mesh, sources.fused.maps, 2 * step) for each in (made, other))
+    shares = {"poisson": round(first, 4), "volume": round(second, 4)}
+    return replace(made if first >= second else other, explained=shares)
+
+
+def _made(parts: tuple[Mesh, int], method: Method, step: float, wanted: float) -> Made:
+    return Made(parts[0], method, step, wanted, parts[1], {})
+
+
+def by_volume(sources: Sources, step: float) -> tuple[Mesh, float]:
+    """Average the maps' distances; also return the size of the voxels, larger where memory asks for it."""
+    fused, config = sources.fused, sources.config
+    points, most = fused.cloud.position, max(sources.memory // (VOXEL_BYTES * VOXELS), 64)
+    low, high = np.quantile(points, (0.0005, 0.9995), axis=0)
+    margin = 0.05 * (high - low) + step * SIDE
+    blocks = blocks_around(points, low - margin, high + margin, step, config.truncation * step)
+    while len(blocks.corners) > most:
+        step *= 1.05 * (len(blocks.corners) / most) ** 0.5
+        blocks = blocks_around(points, low - margin, high + margin, step, config.truncation * step)
+    cut = [doubted(outline_of(m.camera, m.mask, _KNOWN), sources.against) for m in fused.maps if sources.outlines]
+    return extract(blocks, summed(blocks, fused.maps, cut, Weights(config.truncation, config.carve))), step
+
+
+def by_poisson(sources: Sources, volume: Mesh, step: float, fill: bool) -> tuple[Mesh, float]:
+    """Solve for the points of the averaged distances that maps show: every map has its say, by its confidence."""
+    from scipy.spatial import cKDTree
+
+    found = evidence(volume, sources.fused.maps, 2.0 * step)
+    kept = (found.observations >= sources.config.votes) & (found.observations > found.through)
+    spacing = np.full(len(kept), step, np.float32)
+    every = Cloud(volume.vertices, vertex_normals(volume), found.confidence, found.observations, spacing)
+    cloud = every.chosen(kept)
+    if fill:
+        hull, _ = hull_surface(sources.outlines, FILL_COARSER * sources.config.voxel_pixels, sources.memory)
+        cloud = with_outlines(cloud, sources.fused.maps, without_vertices(volume, kept), hull, step)
+    mesh, step = poisson_surface(cloud, step, sources.memory)
+    distance, _ = cKDTree(cloud.position).query(mesh.vertices, distance_upper_bound=REACH * step)
+    invented = ~np.isfinite(distance)
+    if fill:  # what would open it for a trifle stays
+        invented = large_patches(mesh, invented, MEMBRANE)
+    return without_vertices(mesh, ~invented), step
+
+
+def cleaned(raw: Mesh, sources: Sources, fill: bool, step: float) -> tuple[Mesh, int]:
+    """Cut away what no map confirms, unless outlines stand for it, and small parts; also return how many of those."""
+    found = evidence(raw, sources.fused.maps, 2.0 * step)
+    empty = found.through > 2 * found.observations + 2
+    if fill:
+        keep = ~large_patches(raw, empty, MEMBRANE)
+    else:
+        keep = grown(raw, (found.observations > 0) & (found.observations >= found.through), 1) & ~empty
+    return whole_parts(without_vertices(raw, keep), sources.config.least_part)
