@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 from time import perf_counter
@@ -15,7 +15,7 @@ from ibrpipe.bench.advice import choose_winners
 from ibrpipe.bench.contenders import Contender, Ready, all_contenders
 from ibrpipe.bench.measure import ErrorMaps, Errors, measure, ray_lengths
 from ibrpipe.bench.settings import Setting
-from ibrpipe.bench.speed_results import ContenderFacts, Preparation, Score, SpeedErrorModel, Timing, WorkFacts
+from ibrpipe.bench.speed_results import ContenderFacts, Growth, Preparation, Score, SpeedErrorModel, Timing, WorkFacts
 from ibrpipe.bench.timing import Times, interleave
 from ibrpipe.bench.workloads import Workload, bumpy_torus, height_field, object_of, strided
 from ibrpipe.core.color import srgb_encode
@@ -57,7 +57,7 @@ class Preset:
 
 
 QUICK = Preset("quick", 160, (64, 128), (48,), (64, 128), 3, 1.0, 0.1)
-FULL = Preset("full", 640, (128, 256, 512, 1024, 2048), (64, 128, 256), (128, 256, 512, 1024), 9, 8.0, 2.5)
+FULL = Preset("full", 640, (128, 256, 512, 1024, 2048), (64, 128, 256), (128, 256, 512, 1024, 2048), 9, 8.0, 2.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,12 @@ class SpeedRun:
     shown: list[Shown] = field(default_factory=list)
 
 
-def run_speed_error(settings: Sequence[Setting], preset: Preset, mesh: tuple[str, Mesh] | None = None) -> SpeedRun:
+def run_speed_error(
+    settings: Sequence[Setting],
+    preset: Preset,
+    mesh: tuple[str, Mesh] | None = None,
+    keep: Callable[[SpeedErrorModel], None] | None = None,
+) -> SpeedRun:
     """Time all contenders on all things and measure their errors.
 
     Parameters
@@ -88,6 +93,8 @@ def run_speed_error(settings: Sequence[Setting], preset: Preset, mesh: tuple[str
     preset : Preset
     mesh : (str, Mesh), optional
         Name and triangles of a further object.
+    keep : callable, optional
+        Is given what there is so far after each thing, so that an interrupted run leaves it.
     """
     began, contenders = perf_counter(), all_contenders(settings, preset.name == "quick")
     run = _Gathered()
@@ -96,11 +103,19 @@ def run_speed_error(settings: Sequence[Setting], preset: Preset, mesh: tuple[str
     for name, each, n in track(jobs, "speed and error"):
         work = height_field(n, preset.width) if each is None else object_of(each, name, n, preset.width)
         _render_all(work, contenders, preset, run)
+        if keep is not None:
+            keep(_model(run, contenders, preset, [], began))
     curves = growth.grow_texels(run.scores, run.works)
     curves += growth.grow_both(contenders, preset.growing, 2.0 * preset.growth_seconds)
     curves += growth.grow_regions(contenders, preset.growing, preset.growth_seconds)
+    return SpeedRun(_model(run, contenders, preset, curves, began), run.shown)
+
+
+def _model(
+    run: _Gathered, contenders: Sequence[Contender], preset: Preset, curves: list[Growth], began: float
+) -> SpeedErrorModel:
     spreads = [(t.high - t.low) / t.milliseconds for s in run.scores for t in (s.depth, s.both) if t and t.frames > 2]
-    model = SpeedErrorModel(
+    return SpeedErrorModel(
         machine=describe_machine(),
         preset=preset.name,
         width=preset.width,
@@ -117,7 +132,6 @@ def run_speed_error(settings: Sequence[Setting], preset: Preset, mesh: tuple[str
         spread=median(spreads) if spreads else None,
         seconds=perf_counter() - began,
     )
-    return SpeedRun(model, run.shown)
 
 
 @dataclass

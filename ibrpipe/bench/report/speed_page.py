@@ -10,7 +10,7 @@ from typing import Any
 
 from ibrpipe.bench.advice import NEEDS
 from ibrpipe.bench.report.error_pictures import draw_errors, gradient
-from ibrpipe.bench.report.plots import growth_plot, pareto_plot, styles
+from ibrpipe.bench.report.plots import growth_plot, pareto_plot, region_plot, styles
 from ibrpipe.bench.report.template import figure, fill, share
 from ibrpipe.bench.speed_error import SpeedRun
 from ibrpipe.bench.speed_results import Score, SpeedErrorModel, WorkFacts
@@ -123,7 +123,8 @@ def _regions(model: SpeedErrorModel) -> list[dict[str, Any]]:
     for series in dict.fromkeys(curve.series for curve in curves):
         mine = {curve.contender: curve for curve in curves if curve.series == series}
         rows.append({"region": series.removeprefix("epipole "), "curves": [mine.get(name) for name in names]})
-    return [{"names": names, "rows": rows}] if rows else []
+    plots = [_safe(region_plot([curve for curve in curves if curve.contender == name])) for name in names]
+    return [{"names": names, "rows": rows, "plots": plots}] if rows else []
 
 
 def _pictures(run: SpeedRun) -> list[dict[str, Any]]:
