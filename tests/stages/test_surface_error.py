@@ -140,6 +140,8 @@ def test_pictures_show_the_surface_its_error_and_its_back(ball) -> None:
     drawn = draw_surface(_scaled(truth, 1.02), views[:1], 60, confidence, truth)
     assert all(uri.startswith("data:image/jpeg") for uri in (drawn[0].shaded, drawn[0].error, drawn[0].missing))
     assert drawn[0].width == 60
+    unsure = draw_surface(truth, views[:1], 60, 0 * confidence)
+    assert unsure[0].confidence != draw_surface(truth, views[:1], 60, 0 * confidence + 0.01)[0].confidence
     plain = draw_surface(truth, views[:1], 60)
     assert plain[0].confidence is plain[0].error is plain[0].missing is None
     caster, camera = MeshCaster(truth), Camera.look_at((4, 0, 0), (0, 0, 0), width=24, height=24)

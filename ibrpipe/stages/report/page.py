@@ -12,7 +12,7 @@ from ibrpipe.stages.report import words
 from ibrpipe.stages.report.pictures import GAIN, ViewPictures, heat_colors
 from ibrpipe.stages.report.plot import speed_error_plot
 from ibrpipe.stages.report.sources import ReportSources
-from ibrpipe.stages.report.surface_pictures import WORST, SurfacePictures, confidence_colors, error_colors
+from ibrpipe.stages.report.surface_pictures import PALE, WORST, SurfacePictures, confidence_colors, error_colors
 from ibrpipe.stages.report.surface_words import surface_sentences
 from ibrpipe.types import Array
 
@@ -78,6 +78,7 @@ def render_page(
         error_ramp=_gradient(error_colors()),
         confidence_ramp=_gradient(confidence_colors()),
         worst=100 * WORST,
+        pale="rgb({}, {}, {})".format(*PALE),
         gain=GAIN,
     )
 

@@ -14,7 +14,7 @@ from ibrpipe.types import Array, Camera, Mesh
 
 #: what the colours of the error pictures end at, share of the true surface's diagonal
 WORST = 0.01
-#: shown where there is nothing to tell
+#: shown where no depth map saw the surface
 PALE = (205, 208, 212)
 
 
@@ -117,7 +117,8 @@ def _confidence(mesh: Mesh, hits: Hits, confidence: Array) -> Array:
     picture[:] = PAPER
     corners, uv = confidence[mesh.faces[hits.face[met]]], hits.uv[met]
     value = corners[:, 0] * (1 - uv.sum(axis=1)) + corners[:, 1] * uv[:, 0] + corners[:, 2] * uv[:, 1]
-    picture[met] = confidence_colors()[np.clip(255 * value, 0, 255).astype(int)]
+    unseen = (corners == 0).all(axis=1)[:, None]
+    picture[met] = np.where(unseen, PALE, confidence_colors()[np.clip(255 * value, 0, 255).astype(int)])
     return picture
 
 

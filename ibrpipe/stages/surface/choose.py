@@ -15,8 +15,9 @@ from ibrpipe.types import Array
 
 #: photos whose mask may reach the border of the picture when an object counts as wholly shown, share
 CUT_OFF = 0.3
-#: length of the mean of the directions to the cameras below which they stand around the object
-AROUND = 0.85
+#: length of the mean of the directions to the cameras up to which they stand around the object; a ring that looks down
+#: by 45 degrees has 0.71, cameras on one side of it more than 0.75
+AROUND = 0.72
 
 
 @dataclass(frozen=True)
