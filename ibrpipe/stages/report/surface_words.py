@@ -43,7 +43,9 @@ def _openness(document: Mapping[str, Any]) -> list[str]:
     if "boundary_loops" in document:
         loops, length = document["boundary_loops"], document.get("boundary_length", 0.0)
         many = "border" if loops == 1 else "borders"
-        parts.append(f"it has {loops} open {many}, {length:.3g} scene units long together" if loops else "it is closed")
+        parts.append(
+            f"it ends in {loops} open {many}, {length:.3g} scene units long together" if loops else "it is closed"
+        )
     if "unseen_share" in document:
         filled = "; it was filled from the masks' outlines and has confidence 0" if _filled(document) else ""
         parts.append(f"{100 * document['unseen_share']:.1f} % of its area was seen by no depth map{filled}")
@@ -78,7 +80,7 @@ def _measured(scores: GeometryScores) -> list[str]:
         f"distance to the truth is {100 * scores.accuracy_median / scores.diagonal:.3f} % of the diagonal, from the "
         f"truth to it {100 * scores.completeness_median / scores.diagonal:.3f} %."
     ]
-    if alone and any(value != score.f_score for value, score in zip(alone, scores.thresholds)):
+    if alone and any(abs(value - score.f_score) >= 0.002 for value, score in zip(alone, scores.thresholds)):
         told = ", ".join(f"{value:.3f}" for value in alone)
         sentences.append(f"Without the part that was filled, which nobody saw, the F-score is {told}.")
     if scores.depth is not None:
