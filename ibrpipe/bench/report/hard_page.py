@@ -169,14 +169,18 @@ def _pictures(run: HardRun) -> list[dict[str, str]]:
 
 
 def _drawn(maps: WrongPixels) -> dict[str, str]:
+    return {name: picture(values, 240) for name, values in draw_wrong(maps).items()}
+
+
+def draw_wrong(maps: WrongPixels) -> dict[str, Array]:
+    """Return pictures (H, W, 3) uint8 of the exact depth, of the rendered one, and of where they differ."""
     some = maps.exact[np.isfinite(maps.exact)]
     if not len(some):
         some = maps.rendered[np.isfinite(maps.rendered)]
     low, high = (float(some.min()), float(some.max())) if len(some) else (0.0, 1.0)
     exact, rendered = (_shade(depth, low, high) for depth in (maps.exact, maps.rendered))
     wrong = np.where(maps.wrong[..., None], np.array([179, 38, 30], np.uint8), 200 + exact // 5)
-    drawn = {"exact": exact, "rendered": rendered, "wrong": wrong}
-    return {name: picture(values, 240) for name, values in drawn.items()}
+    return {"exact": exact, "rendered": rendered, "wrong": wrong}
 
 
 def _shade(depth: Array, low: float, high: float) -> Array:

@@ -1,0 +1,27 @@
+"""Draw hard_cases.png: ``python docs/pictures/hard_cases.py``. Exact depth, shown depth, wrong pixels in red."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ibrpipe.bench.cases import choose_cases
+from ibrpipe.bench.hard_cases import run_hard_cases
+from ibrpipe.bench.report.hard_page import draw_wrong
+from ibrpipe.bench.settings import choose_settings
+
+SHOWN = [
+    ("epipolar nearest", "surface-steep-step"),
+    ("epipolar nearest", "surface-one-texel-islands"),
+    ("epipolar linear", "near-far-depth-image"),
+]
+rows = []
+for label, name in SHOWN:
+    run = run_hard_cases(choose_cases([name]), choose_settings([label]), ("float64",), (32,))
+    parts = draw_wrong(run.pictures[name, label]).values()
+    rows.append(
+        np.hstack(
+            [np.pad(part.repeat(5, 0).repeat(5, 1), ((4, 4), (4, 4), (0, 0)), constant_values=255) for part in parts]
+        )
+    )
+cv2.imwrite(str(Path(__file__).with_suffix(".png")), np.vstack(rows)[:, :, ::-1])
