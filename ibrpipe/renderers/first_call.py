@@ -58,7 +58,7 @@ class FirstCall:
         if numba.config.DISABLE_JIT or numba.config.NUMBA_NUM_THREADS < 2:
             return
         missing = [each.text for each in self.kernels if not is_cached(each)]
-        if not missing:
+        if not missing or "python" not in Path(sys.executable or "").name.lower():  # a program that embeds Python
             return
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
         nothing = subprocess.DEVNULL
