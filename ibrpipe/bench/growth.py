@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from time import perf_counter
 
-from ibrpipe.bench.contenders import Contender, all_contenders
+from ibrpipe.bench.contenders import Contender, Ready, all_contenders
 from ibrpipe.bench.settings import Setting
 from ibrpipe.bench.size_results import GrowthModel
 from ibrpipe.bench.speed_results import ContenderFacts, Growth, Score, WorkFacts
@@ -16,8 +16,8 @@ from ibrpipe.bench.workloads import height_field, region_views
 from ibrpipe.progress import track
 from ibrpipe.stages.machine import describe_machine
 
-#: most frames from which the fastest is taken
-FRAMES = 40
+#: most frames from which the fastest is taken, in each of several rounds over all sizes: clock rates change in between
+FRAMES, ROUNDS = 20, 5
 #: greatest factor per doubling of both sizes that counts as O(n^2)
 MOST = 4.6
 
@@ -70,16 +70,22 @@ def run_growth(settings: Sequence[Setting], sizes: Sequence[int], seconds: float
 def _grow(
     contenders: Sequence[Contender], sizes: Sequence[int], seconds: float, series: dict[str, str]
 ) -> list[Growth]:
-    times: dict[tuple[str, str], list[tuple[int, float]]] = {}
-    for n in track(sizes, "growth"):
-        work = height_field(n, 16)
+    made = {n: _prepared(contenders, n) for n in sizes}
+    best: dict[tuple[str, str], dict[int, float]] = {}
+    for _, n in track([(turn, n) for turn in range(ROUNDS) for n in sizes], "growth"):
         cameras = region_views(n)
-        ready = {c.label: made for c in contenders if c.main and (made := c.make(work)) is not None and made.depth}
         for name, region in series.items():
-            draws = {label: each.depth(cameras[region]) for label, each in ready.items() if each.depth}
-            for label, taken in interleave(draws, FRAMES, seconds).items():
-                times.setdefault((name, label), []).append((n, taken.fastest))
-    return [_curve(name, label, [n for n, _ in pairs], [t for _, t in pairs]) for (name, label), pairs in times.items()]
+            draws = {label: each.depth(cameras[region]) for label, each in made[n].items() if each.depth}
+            for label, taken in interleave(draws, FRAMES, seconds / ROUNDS).items():
+                mine = best.setdefault((name, label), {})
+                mine[n] = min(taken.fastest, mine.get(n, math.inf))
+    return [_curve(name, label, list(mine), list(mine.values())) for (name, label), mine in best.items()]
+
+
+def _prepared(contenders: Sequence[Contender], n: int) -> dict[str, Ready]:
+    work = height_field(n, 16)
+    found = {c.label: c.make(work) for c in contenders if c.main}
+    return {label: each for label, each in found.items() if each is not None and each.depth}
 
 
 def _curve(series: str, contender: str, sizes: list[int], times: list[float]) -> Growth:

@@ -177,7 +177,7 @@ def growth(out: Path, renderers: tuple[str, ...], sizes: str, as_json: bool) -> 
     chosen, settings = _sizes(sizes), choose_settings(renderers)
     out.mkdir(parents=True, exist_ok=True)
     with display():
-        model = run_growth(settings, chosen, 1.0)
+        model = run_growth(settings, chosen, 2.0)
     write_json(out / "growth.json", model.model_dump(mode="json"))
     write_growth_page(out / "growth.html", model)
     if as_json:
