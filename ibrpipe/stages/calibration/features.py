@@ -30,7 +30,7 @@ FEW = 1500
 MARGIN = 32
 _NONE = (np.zeros((0, 4), np.float32), np.zeros((0, 128), np.uint8), np.zeros((0, 3), np.uint8))
 #: Changes with the meaning of the stored files
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +199,7 @@ def _search(grey: Array, contrast: float, most: int) -> tuple[Array, Array]:
     import cv2
 
     sift = cv2.SIFT_create(  # type: ignore[attr-defined]
-        most, nOctaveLayers=3, contrastThreshold=contrast, edgeThreshold=10, sigma=1.6, enable_precise_upscale=True
+        most, nOctaveLayers=3, contrastThreshold=contrast, edgeThreshold=16, sigma=1.6, enable_precise_upscale=True
     )
     found, vectors = sift.detectAndCompute(grey, None)
     if not found:

@@ -18,7 +18,7 @@ from ibrpipe.stages.calibration.lenses import Start
 from ibrpipe.types import Array
 
 #: The last adjustment weighs residuals by Cauchy's function of this many times the median residual
-ROBUST = 2.0
+ROBUST = 1.5
 #: The principal point is adjusted where so many photos share the lens, and kept when it stays within this share of the
 #: photo's longer side and its standard deviation below this many pixels
 SHARING, WANDER, UNSURE = 5, 0.06, 3.0
