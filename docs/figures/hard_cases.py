@@ -1,4 +1,7 @@
-"""Draw hard_cases.png: ``python docs/pictures/hard_cases.py``. Exact depth, shown depth, wrong pixels in red."""
+"""Picture of the page on epipolar warping: python docs/figures/hard_cases.py; written to docs/images.
+
+Exact depth, shown depth, wrong pixels in red.
+"""
 
 from pathlib import Path
 
@@ -10,6 +13,7 @@ from ibrpipe.bench.hard_cases import run_hard_cases
 from ibrpipe.bench.report.hard_page import draw_wrong
 from ibrpipe.bench.settings import choose_settings
 
+IMAGES = Path(__file__).resolve().parent.parent / "images"
 SHOWN = [
     ("epipolar nearest", "surface-steep-step"),
     ("epipolar nearest", "surface-one-texel-islands"),
@@ -24,4 +28,4 @@ for label, name in SHOWN:
             [np.pad(part.repeat(5, 0).repeat(5, 1), ((4, 4), (4, 4), (0, 0)), constant_values=255) for part in parts]
         )
     )
-cv2.imwrite(str(Path(__file__).with_suffix(".png")), np.vstack(rows)[:, :, ::-1])
+cv2.imwrite(str(IMAGES / "epipolar-hard-cases.png"), np.vstack(rows)[:, :, ::-1])
