@@ -63,10 +63,15 @@ def run_child(module: str, argument: Path, log: Path, seconds: float, progress: 
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment in which the child finds this very package."""
+    """Return the environment in which the child finds this very package; products of matrices take one thread each."""
     here = str(Path(ibrpipe.__file__).parent.parent)
     paths = [here, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths)), "PYTHONUTF8": "1"}
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths)),
+        "PYTHONUTF8": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
 
 
 def _listen(child: subprocess.Popen[bytes], log: Path, seconds: float, progress: Progress) -> dict[str, Any]:

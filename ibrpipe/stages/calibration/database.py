@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from ibrpipe.io.pycolmap_import import import_pycolmap
 from ibrpipe.stages.calibration.features import Features
 from ibrpipe.stages.calibration.lenses import Start
+from ibrpipe.stages.calibration.nearest import matching
 from ibrpipe.stages.calibration.pairs import Pair
 from ibrpipe.types import Array
 
@@ -108,23 +110,39 @@ def _name(index: int) -> str:
 
 
 def match(
-    path: Path, count: int, pairs: Sequence[Pair], seed: int, threads: int, progress: Callable[[int], None]
+    path: Path,
+    features: Sequence[Features],
+    pairs: Sequence[Pair],
+    seed: int,
+    threads: int,
+    progress: Callable[[int], None],
 ) -> Matched:
     """Match the pairs that are not matched yet and check each by a common geometry."""
     pycolmap = import_pycolmap()
-    matching = pycolmap.FeatureMatchingOptions()
-    matching.num_threads, matching.use_gpu = threads, False
     checking = pycolmap.TwoViewGeometryOptions()
     checking.ransac.random_seed = seed
-    chosen = pycolmap.ImportedPairingOptions()
-    chosen.match_list_path = str(path.with_suffix(".pairs"))
+    listed = path.with_suffix(".pairs")
     progress(0)
     for start in range(0, len(pairs), BATCH):
-        lines = (f"{_name(i)} {_name(j)}\n" for i, j in pairs[start : start + BATCH])
-        Path(chosen.match_list_path).write_text("".join(lines), encoding="utf-8")
-        pycolmap.match_image_pairs(str(path), matching, chosen, checking, pycolmap.Device.cpu)
+        batch = pairs[start : start + BATCH]
+        _write_matches(path, features, batch, threads)
+        listed.write_text("".join(f"{_name(i)} {_name(j)}\n" for i, j in batch), encoding="utf-8")
+        pycolmap.verify_matches(str(path), str(listed), checking)
         progress(min(start + BATCH, len(pairs)))
-    return Matched(path, _inliers(path, count))
+    return Matched(path, _inliers(path, len(features)))
+
+
+def _write_matches(path: Path, features: Sequence[Features], pairs: Sequence[Pair], threads: int) -> None:
+    def matches(pair: Pair) -> Array:
+        one, other = (features[n].descriptors.astype(np.float32) for n in pair)
+        return matching(one, other)
+
+    database = import_pycolmap().Database.open(str(path))
+    missing = [(i, j) for i, j in pairs if not database.exists_matches(i + 1, j + 1)]
+    with ThreadPoolExecutor(threads) as pool:
+        for (i, j), found in zip(missing, pool.map(matches, missing)):
+            database.write_matches(i + 1, j + 1, found)
+    database.close()
 
 
 def _inliers(path: Path, count: int) -> Array:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ibrpipe.stages.calibration.nearest import matching
 from ibrpipe.types import Array
 
 Pair = tuple[int, int]
@@ -19,10 +20,6 @@ Pair = tuple[int, int]
 EXHAUSTIVE = 60
 #: Large features of each photo that are compared to see whether photos look alike
 LARGE = 384
-#: A nearest descriptor counts when its distance is at most this share of the second nearest's
-RATIO = 0.8
-#: Length of a descriptor, squared
-_LENGTH = 512.0**2
 
 
 def all_pairs(count: int) -> list[Pair]:
@@ -56,34 +53,13 @@ def similar_pairs(keypoints: Sequence[Array], descriptors: Sequence[Array], neig
     count = len(large)
     alike = np.zeros((count, count), np.int32)
     for i, j in all_pairs(count):
-        alike[i, j] = alike[j, i] = matches(large[i], large[j])
+        alike[i, j] = alike[j, i] = len(matching(large[i], large[j]))
     pairs: set[Pair] = set()
     for i in range(count):
         for j in np.argsort(-alike[i], kind="stable")[:neighbours].tolist():
             if alike[i, j] > 0 and i != j:
                 pairs.add((min(i, j), max(i, j)))
     return sorted(pairs)
-
-
-def matches(one: Array, other: Array) -> int:
-    """Count mutual nearest descriptors that pass the ratio test.
-
-    Parameters
-    ----------
-    one, other : (N, 128) float32
-        Whole numbers, so that products are exact and no machine decides differently.
-    """
-    if len(one) < 2 or len(other) < 2:
-        return 0
-    likeness = one @ other.T
-    best = likeness.argmax(axis=1)
-    rows = np.arange(len(one))
-    first = likeness[rows, best]
-    second = np.partition(likeness, -2, axis=1)[:, -2]
-    mutual = likeness.argmax(axis=0)[best] == rows
-    near = np.maximum(2.0 * (_LENGTH - first), 0.0)
-    far = np.maximum(2.0 * (_LENGTH - second), 0.0)
-    return int((mutual & (near < RATIO**2 * far)).sum())
 
 
 def _largest(spots: Array, vectors: Array) -> Array:

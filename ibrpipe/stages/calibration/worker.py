@@ -38,7 +38,7 @@ def calibrate(job: Job, say: Say) -> dict[str, Any]:
     starts, owner = choose_lenses(job.photos, features, job.config)
     path = fill_database(features, starts, owner, job.seed, Path(job.work))
     chosen = _pairs(job, features)
-    matched = match(path, len(features), chosen, job.seed, job.threads, lambda n: say("match photos", n, len(chosen)))
+    matched = match(path, features, chosen, job.seed, job.threads, lambda n: say("match photos", n, len(chosen)))
     fixed = _fixed(job, starts)
     models = _models(job, matched, starts, owner, fixed, say)
     if not models:
