@@ -109,7 +109,9 @@ def test_sampled_searches_are_near_the_exact_one(search, eye):
     assert np.median(error) < (
         0.02 if search == "linear" else 1.0
     )  # texels; half a texel in plan is more along the ray
-    assert error.max() > 0  # they do sample
+    # they do sample, but where rays move by under two texels within the map's depths linear walks texel by texel
+    walked = search == "linear" and eye in (EYES[0], EYES[4])
+    assert np.median(error) == 0 if walked else np.median(error) > 0
     assert np.median(np.abs(got.color[both] - exact.color[both])) < 0.02
 
 
