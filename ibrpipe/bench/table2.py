@@ -18,7 +18,8 @@ from ibrpipe.bench.timing import interleave
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
-from ibrpipe.stages.depth_images import Frustum, cube_frusta, depth_images_asset, greedy_frusta
+from ibrpipe.stages.depth_images import depth_images_asset
+from ibrpipe.stages.frusta import Frustum, cube_frusta, greedy_frusta
 from ibrpipe.stages.machine import describe_machine
 from ibrpipe.types import Array, Camera, Mesh
 

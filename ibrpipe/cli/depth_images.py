@@ -36,7 +36,8 @@ def command(mesh: Path, maps: int, size: int, arrange: str, seed: int, frusta: P
     """Cover MESH with few perspective depth images (schaufler1999) that every renderer reads."""
     from ibrpipe.io.assets import write_asset
     from ibrpipe.io.meshes import read_mesh
-    from ibrpipe.stages import depth_images as placing
+    from ibrpipe.stages import frusta as placing
+    from ibrpipe.stages.depth_images import depth_images_asset
 
     whole, note = read_mesh(mesh), ""
     if frusta is not None:
@@ -46,9 +47,8 @@ def command(mesh: Path, maps: int, size: int, arrange: str, seed: int, frusta: P
     else:
         placed, share = placing.greedy_frusta(whole, maps, seed)
         note = f", {100 * share:.1f} % of the surface that can be seen"
-    write_asset(placing.depth_images_asset(whole, placed, size, str(mesh)), out)
-    text = yaml.safe_dump(placing.entries_from_frusta(placed), sort_keys=False, default_flow_style=None)
-    (out / "frusta.yaml").write_text(text, encoding="utf-8")
+    write_asset(depth_images_asset(whole, placed, size, str(mesh)), out)
+    placing.write_frusta(placed, out / "frusta.yaml")
     click.echo(f"{out}: {len(placed)} depth images of {size} x {size}{note}")
 
 

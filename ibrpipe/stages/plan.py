@@ -16,6 +16,7 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import read_views
+from ibrpipe.stages.frusta import Frustum, cube_frusta, greedy_frusta, write_frusta
 from ibrpipe.stages.measure import (
     Appearance,
     SurfaceSample,
@@ -25,7 +26,15 @@ from ibrpipe.stages.measure import (
     sampling_density,
 )
 from ibrpipe.stages.photos import PhotoSet, load_photos
-from ibrpipe.stages.rectangles import Rectangle, RectangleConfig, bounding_box, box_faces, distinct, sized
+from ibrpipe.stages.rectangles import (
+    Rectangle,
+    RectangleConfig,
+    before_surface,
+    bounding_box,
+    box_faces,
+    distinct,
+    sized,
+)
 from ibrpipe.stages.stage import Stage
 
 SCHEMA = 1
@@ -37,8 +46,15 @@ class PlanConfig(StageConfig):
     """Settings of the plan stage."""
 
     rectangles: tuple[RectangleConfig, ...] = Field(
-        (), description="Support rectangles placed by hand; empty = the faces of the mesh's bounding box"
+        (), description="Support rectangles placed by hand; empty = as arrange says"
     )
+    frusta: tuple[Frustum, ...] = Field((), description="Perspective images placed by hand: eye, target, up, fov")
+    arrange: Literal["box", "cube", "greedy"] = Field(
+        "box",
+        description="What stands where nothing is placed by hand. box: the faces of the mesh's bounding box; cube: six "
+        "perspective images along the axes; greedy: perspective images, each where it adds most surface",
+    )
+    maps: int = Field(16, ge=1, le=256, description="Perspective images that greedy places at the most")
     texel: float | None = Field(
         None, gt=0, description="Texel size of the layers, scene units; absent = from the photos' sampling density"
     )
@@ -90,7 +106,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Outputs:
-    """`plan.json`: textures, and the reason for every choice."""
+    """`plan.json`: textures, and the reason for every choice; `frusta.yaml` where there are perspective images."""
 
     plan: Path
 
@@ -103,14 +119,28 @@ def reason(what: str, choice: object, why: str, **measured: object) -> Reason:
     return {"what": what, "choice": choice, "reason": why, "measured": measured}
 
 
-def place(config: PlanConfig, caster: MeshCaster, texel: float) -> tuple[list[Rectangle], list[Reason]]:
-    """Place the rectangles: the user's, or the faces of the bounding box."""
-    if config.rectangles:
-        placed = [sized(rectangle, texel) for rectangle in config.rectangles]
-        return placed, [reason("rectangles", len(placed), "placed by the pipeline file")]
+def place(config: PlanConfig, caster: MeshCaster, texel: float, seed: int = 0) -> tuple[list[Rectangle], list[Reason]]:
+    """Place the textures: by the user's hand, on the faces of the bounding box, or as perspective images round it."""
+    if config.rectangles or config.frusta:
+        by_hand = [sized(rectangle, texel) for rectangle in config.rectangles]
+        return _with_frusta(by_hand, config.frusta, "placed by the pipeline file", caster, texel)
+    if config.arrange == "cube":
+        return _with_frusta([], cube_frusta(caster.mesh), "perspective images along the axes", caster, texel)
+    if config.arrange == "greedy":
+        frusta, share = greedy_frusta(caster.mesh, config.maps, seed)
+        why = f"perspective images that cover {100 * share:.1f} % of the surface that can be seen"
+        return _with_frusta([], frusta, why, caster, texel)
     center, axes, half, why = bounding_box(caster.mesh)
     faces = box_faces(center, axes, half, texel)
     return faces, [reason("rectangles", "bounding box", why, size=(2 * half).round(6).tolist())]
+
+
+def _with_frusta(
+    rectangles: list[Rectangle], frusta: Sequence[Frustum], why: str, caster: MeshCaster, texel: float
+) -> tuple[list[Rectangle], list[Reason]]:
+    placed = [*rectangles, *(before_surface(f"map {k:02d}", each, caster, texel) for k, each in enumerate(frusta))]
+    sizes = [f"{each.width} x {each.height}" for each in placed]
+    return placed, [reason("rectangles", len(placed), why, texels=sizes)]
 
 
 def drop_unseen(rectangles: Sequence[Rectangle], surface: SurfaceSample) -> tuple[list[Rectangle], list[Reason]]:
@@ -210,7 +240,7 @@ def make_plan(
     if not (surface.observers > 0).any():
         raise CaptureError("no photo sees the mesh; check that cameras and mesh share one coordinate system")
     texel, texel_reason = choose_texel(config, surface, photos)
-    rectangles, reasons = place(config, caster, texel)
+    rectangles, reasons = place(config, caster, texel, seed)
     reasons.append(texel_reason)
     rectangles, dropped = drop_unseen(rectangles, surface)
     if not rectangles:
@@ -275,6 +305,9 @@ def run(inputs: Inputs, config: PlanConfig) -> Outputs:
     plans, reasons = make_plan(caster, photos, config, inputs.seed)
     path = inputs.out / "plan.json"
     write_plan(plans, reasons, path)
+    frusta = [plan.rectangle.frustum for plan in plans if plan.rectangle.frustum]
+    if frusta:
+        write_frusta(frusta, inputs.out / "frusta.yaml")
     return Outputs(path)
 
 

@@ -10,10 +10,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ibrpipe.config import StageConfig
+from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import ConfigError
+from ibrpipe.stages.frusta import Frustum
 from ibrpipe.types import Array, Camera, Mesh, ParallelFrame
 
 Vector = tuple[float, float, float]
+#: rays along each side of a frustum that look for the nearest surface
+PROBES = 128
 
 
 class RectangleConfig(StageConfig):
@@ -50,6 +54,8 @@ class Rectangle:
         Texels along u and v.
     center : (3,) float64 or None
         Centre of a perspective projection; None = parallel.
+    frustum : Frustum or None
+        How it was placed, where it is the image of a frustum.
     """
 
     name: str
@@ -59,6 +65,7 @@ class Rectangle:
     width: int
     height: int
     center: Array | None = None
+    frustum: Frustum | None = None
 
     @property
     def f(self) -> Array:
@@ -184,6 +191,19 @@ def sized(config: RectangleConfig, texel: float) -> Rectangle:
     width, height = (max(1, round(float(np.linalg.norm(edge)) / step)) for edge in (u, v))
     center = None if config.center is None else np.array(config.center)
     return Rectangle(config.name, np.array(config.origin), u, v, width, height, center)
+
+
+def before_surface(name: str, frustum: Frustum, caster: MeshCaster, texel: float) -> Rectangle:
+    """Return the image of a frustum as a rectangle right before the surface; texels have their size at its target."""
+    camera = frustum.camera(PROBES)
+    seen = caster.cast_camera(camera).t
+    x, y, f = camera.R
+    away = float((np.array(frustum.target) - camera.center) @ f)
+    near = 0.999 * float(seen.min()) if np.isfinite(seen).any() else away
+    slope = float(np.tan(np.radians(frustum.fov) / 2))
+    side, half = max(2, round(2 * slope * away / texel)), near * slope
+    corner = camera.center + near * f - half * x - half * y
+    return Rectangle(name, corner, 2 * half * x, 2 * half * y, side, side, camera.center, frustum)
 
 
 def bounding_box(mesh: Mesh) -> tuple[Array, Array, Array, str]:

@@ -13,13 +13,8 @@ from ibrpipe.cli.main import cli
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import ConfigError
 from ibrpipe.io.meshes import write_mesh
-from ibrpipe.stages.depth_images import (
-    cube_frusta,
-    depth_images_asset,
-    entries_from_frusta,
-    frusta_from_entries,
-    greedy_frusta,
-)
+from ibrpipe.stages.depth_images import depth_images_asset
+from ibrpipe.stages.frusta import cube_frusta, entries_from_frusta, frusta_from_entries, greedy_frusta
 from ibrpipe.types import Camera
 
 
