@@ -17,7 +17,6 @@ IMAGES = Path(__file__).resolve().parent.parent / "images"
 SHOWN = [
     ("epipolar nearest", "surface-steep-step"),
     ("epipolar nearest", "surface-one-texel-islands"),
-    ("epipolar linear", "near-far-depth-image"),
 ]
 rows = []
 for label, name in SHOWN:

@@ -139,13 +139,7 @@ LINES = Limit(
     "reference samples met step by step along an epipolar line: right to about a texel, thin features are missed",
 )  # fmt: skip
 
-VANISHING = {
-    "near-far-depth-image": Limit(
-        ANY, ANY, ANY, 0.2, 0.14, ANY,
-        LINES.reason + "; hits within a texel of a vanishing point are lost: two sides of 16 x 13 texels, 14 %",
-    ),
-}  # fmt: skip
-NEAREST = VANISHING | {
+NEAREST = {
     "surface-steep-step": Limit(
         ANY, ANY, ANY, 0.2, 0.18, ANY,
         LINES.reason + "; a cliff of ten thousand texels, which 18 % of the pixels see, is shown at either end",
@@ -167,7 +161,7 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("ldi", "ldi quadtree", {"search": "quadtree"}, quick=False),
     Setting("epipolar", "epipolar", {"search": "exact"}),
     Setting("epipolar", "epipolar nearest", {"search": "nearest"}, LINES, NEAREST, first_layer=True),
-    Setting("epipolar", "epipolar linear", {"search": "linear"}, LINES, VANISHING, first_layer=True, quick=False),
+    Setting("epipolar", "epipolar linear", {"search": "linear"}, LINES, first_layer=True, quick=False),
     Setting("splat", "splat", {}, SPLATS, first_layer=True, quick=False),
     Setting("relief", "relief", {"search": "exact"}, special=RIMS, first_layer=True),
     Setting("relief", "relief 32+8", {"search": "linear-binary"}, STEPS, FLATS | MESH_STEPS, first_layer=True),

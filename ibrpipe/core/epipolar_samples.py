@@ -3,7 +3,8 @@
 A line is swept along its middle, one sample per column (schaufler1999, sec. 4 and 5): a pixel's correspondence is the
 first sample that is not nearer to the background than the pixel's ray there (the paper's disparity test). ``nearest``
 then returns the depth of that very sample; ``linear`` interpolates across and along the columns beside it, on the
-pixel's own ray (the paper's future work, sec. 8).
+pixel's own ray (the paper's future work, sec. 8). Where neighbours may be apart (depth images; ``steps`` finite), a
+sample is a level tile as wide as a texel, and a step between two tiles of one surface is met as well.
 
 Symbols: see :mod:`ibrpipe.core.epipolar_lines`; samples lie where along and across are whole numbers; NaN = background.
 """
@@ -14,7 +15,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core import epipolar_lines as el
-from ibrpipe.core.epipolar_near import is_short
+from ibrpipe.core.epipolar_near import is_short, joined
 from ibrpipe.core.epipolar_sweep import (
     BEGIN,
     CHUNK,
@@ -29,19 +30,29 @@ from ibrpipe.core.epipolar_sweep import (
     bound_bins,
     end_of_bins,
 )
-from ibrpipe.core.jit import fused, kernel
+from ibrpipe.core.jit import fused, inlined, kernel
 
 #: pixels that are looked up together
 LANES = 256
 #: rows of the working memory: table entry, column, ray at the column, what it is compared with
 ENTRY, COLUMN, PLACE, UPPER, LOWER, SHARE, ABOVE, T = (LANES * n for n in range(8))
-#: how far the ray is above the samples at the four columns about a pixel's start
-FOUR_F = LANES * 8
-WORK = LANES * 12
+#: how far the ray is above the samples at the four columns about a pixel's start, and those samples
+FOUR_F, FOUR_D = LANES * 8, LANES * 12
+WORK = LANES * 16
+
+
+@inlined
+def across_rows(upper, lower, share, steps):
+    # depth between two rows; where steps are limited and they are not one surface, that of the nearer row
+    between, nearer = upper + share * (lower - upper), lower if share >= 0.5 else upper
+    apart = (steps[0] < np.inf) & (not joined(upper, lower, steps))
+    return (nearer if share == share else np.nan) if apart else between
 
 
 @fused
-def sample_columns(number, start, count, middle, breadth, first, along_step, across_step, edges, linear, flat, work):
+def sample_columns(
+    number, start, count, middle, breadth, first, along_step, across_step, edges, linear, steps, flat, work
+):  # fmt: skip
     # depth at the far column of the sample of each column, NaN = background
     for k in range(count):
         place = middle * edges[number, 0, start + k] + edges[number, 1, start + k]
@@ -58,11 +69,40 @@ def sample_columns(number, start, count, middle, breadth, first, along_step, acr
             work[HIGH + k] = flat[np.uint32(first + (start + k) * along_step + row * across_step)]
     for k in range(count):
         share = work[ROW1 + k]
-        value = work[LOW + k] + share * (work[HIGH + k] - work[LOW + k]) if linear else work[LOW + k] + 0.0 * share
+        value = across_rows(work[LOW + k], work[HIGH + k], share, steps) if linear else work[LOW + k] + 0.0 * share
         inside = edges[number, 0, start + k] > el.NEAREST
         work[FAR + k] = value
         value = (value - edges[number, 2, start + k]) * edges[number, 3, start + k]
         work[NEAR + k] = value if inside else np.nan
+
+
+@inlined
+def between_columns(number, column, columns, edges):
+    # keep and shift_d half a column before a column
+    one, other = (
+        (column - 1, column) if 0 < column < columns else ((0, 1) if column == 0 else (columns - 2, columns - 1))
+    )
+    share = 0.5 if 0 < column < columns else (-0.5 if column == 0 else 1.5)
+    keep = edges[number, 0, one] + share * (edges[number, 0, other] - edges[number, 0, one])
+    return max(keep, el.NEAREST), edges[number, 2, one] + share * (edges[number, 2, other] - edges[number, 2, one])
+
+
+@fused
+def span_tiles(number, start, count, columns, there, edges, steps, work):
+    # LOW, HIGH: range of depths at the far column that the tile of each column spans, with the step from the one
+    # before it; there: sample of the column before `start` -> sample of the last column
+    for k in range(count):
+        here, inside = work[FAR + k], work[NEAR + k] == work[NEAR + k]
+        keep, drop = between_columns(number, start + k, columns, edges)
+        enter, step = (here - drop) / keep, (there - drop) / keep
+        keep, drop = between_columns(number, start + k + 1, columns, edges)
+        leave = (here - drop) / keep
+        low, high = min(enter, leave), max(enter, leave)
+        if joined(here, there, steps):
+            low, high = min(low, step), max(high, step)
+        work[LOW + k], work[HIGH + k] = low if inside else np.nan, high if inside else np.nan
+        there = here if inside else np.nan
+    return there
 
 
 @fused
@@ -76,20 +116,19 @@ def sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, ga
     bins, step = int(sector[el.BINS]), int(sector[el.BIN_STEP])
     entry = int(sector[el.FIRST]) + line * int(sector[el.LINE_STEP])
     low, high, first, last, before, there = np.inf, -np.inf, bins, -1, np.nan, np.nan
+    tiles = steps[0] < np.inf
     if backward:
         base, along_step = (columns - 1) * along_step, -along_step
     for start in range(0, columns, CHUNK):
         count = min(CHUNK, columns - start)
         sample_columns(
-            number, start, count, middle, breadth, base, along_step, across_step, edges, linear, flat, work
+            number, start, count, middle, breadth, base, along_step, across_step, edges, linear, steps, flat, work
         )  # fmt: skip
-        for k in range(count):
+        if tiles:
+            there = span_tiles(number, start, count, columns, there, edges, steps, work)
+        for k in range(0 if tiles else count):
             value = work[NEAR + k]
-            if gaps:  # what lies between this sample and the one before it, if they are one surface
-                here = work[FAR + k]
-                jump, size = abs(here - there), abs(here) if abs(here) > abs(there) else abs(there)
-                before = before if jump <= steps[0] + steps[1] * size else np.nan
-                there = here
+            if gaps:  # what lies between this sample and the one before it
                 low, high = value if value < before else before, value if value > before else before
                 before = value
             else:
@@ -165,8 +204,9 @@ def find_columns(number, x0, y, count, start, turn, slope, reach, sectors, table
 
 
 @fused
-def meet_column(number, shift, x0, y, count, breadth, columns, start, turn, stride, linear, flat, out, work):
-    # camera depth T of the pixels' rays at the columns `shift` beyond theirs, ABOVE: how far they are above it there
+def meet_column(number, shift, x0, y, count, breadth, columns, start, turn, stride, linear, steps, flat, out, work):
+    # where the pixels' rays are at the columns `shift` beyond theirs, and at `out` how far they are above the samples
+    # there; in homogeneous numbers, as a sample before a ray's vanishing point may be met at a column beyond it
     axis, other = number >> 1, 1 - (number >> 1)
     backward = (number & 1) == 1
     along_step, across_step = (stride, 1) if axis == 1 else (1, stride)
@@ -179,16 +219,17 @@ def meet_column(number, shift, x0, y, count, breadth, columns, start, turn, stri
         inside = (column >= 0.0) & (column < columns)
         edge = columns - 1.0 - column if backward else column
         edge = edge if inside else 0.0
-        q = q0 * px + q1
-        t = (edge * Pq - Pa) / (a0 * px + a1 - edge * q)
-        wide = 1.0 / (Pq + t * q)
-        place = (Pc + t * (c0 * px + c1)) * wide
+        a, q = a0 * px + a1, q0 * px + q1
+        t, one, under = edge * Pq - Pa, a - edge * q, a * Pq - Pa * q  # camera depth t / one
+        wide = 1.0 / under
+        place = (one * Pc + t * (c0 * px + c1)) * wide
         row = np.floor(place if linear else place + 0.5)
         row = row if (row < breadth) | (not linear) else row - 1.0
-        inside &= (row >= 0.0) & (row < breadth + (0.0 if linear else 1.0)) & (t > 0.0) & (wide > 0.0)
+        inside &= (row >= 0.0) & (row < breadth + (0.0 if linear else 1.0))
+        inside &= (t * under > 0.0) & ((t * one > 0.0) | (q > 0.0))
         work[PLACE + k] = edge * along_step + (row if inside else 0.0) * across_step
         work[SHARE + k] = place - row if inside else np.nan
-        work[ABOVE + k], work[T + k] = (Pd + t * (d0 * px + d1)) * wide, t
+        work[ABOVE + k] = (one * Pd + t * (d0 * px + d1)) * wide
     for k in range(count):
         work[UPPER + k] = flat[np.uint32(np.int64(work[PLACE + k]))]
     if linear:
@@ -196,42 +237,60 @@ def meet_column(number, shift, x0, y, count, breadth, columns, start, turn, stri
             work[LOWER + k] = flat[np.uint32(np.int64(work[PLACE + k]) + across_step)]
     for k in range(count):
         upper, share = work[UPPER + k], work[SHARE + k]
-        value = upper + share * (work[LOWER + k] - upper) if linear else upper + 0.0 * share
-        work[out + FOUR_F + k] = work[ABOVE + k] - value
+        value = across_rows(upper, work[LOWER + k], share, steps) if linear else upper + 0.0 * share
+        work[out + FOUR_F + k], work[out + FOUR_D + k] = work[ABOVE + k] - value, value
 
 
 @fused
-def cross_between(number, x0, y, count, columns, start, turn, work):
-    # camera depth T where a ray first changes side between four columns, else at the pixel's own column; d of the ray
-    # and of the samples is linear in the column, which the camera depth of perspective frames is not
-    axis, backward = number >> 1, (number & 1) == 1
-    Pa, Pq, py = start[axis], start[3], y + 0.5
-    a0, a1 = turn[axis, 0], turn[axis, 1] * py + turn[axis, 2]
-    q0, q1 = turn[3, 0], turn[3, 1] * py + turn[3, 2]
+def cut_steps(count, steps, work):
+    # COLUMN's tile alone is met where its neighbours among the four columns are not of its surface
     for k in range(count):
+        d0, d1 = work[FOUR_D + k], work[FOUR_D + LANES + k]
+        d2, d3 = work[FOUR_D + 2 * LANES + k], work[FOUR_D + 3 * LANES + k]
+        near = joined(d1, d2, steps)
+        work[FOUR_F + k] = work[FOUR_F + k] if near & joined(d0, d1, steps) else np.nan
+        work[FOUR_F + LANES + k] = work[FOUR_F + LANES + k] if near else np.nan
+        work[FOUR_F + 3 * LANES + k] = work[FOUR_F + 3 * LANES + k] if joined(d2, d3, steps) else np.nan
+
+
+@fused
+def cross_between(number, x0, y, count, columns, start, turn, tiles, work):
+    # camera depth T where a ray first changes side between four columns, else within the tile of the pixel's own
+    # column (tiles) or at that column; d of the ray and of the samples is linear in the column, which the camera
+    # depth of perspective frames is not
+    axis, backward = number >> 1, (number & 1) == 1
+    Pa, Pd, Pq, py = start[axis], start[2], start[3], y + 0.5
+    a0, a1 = turn[axis, 0], turn[axis, 1] * py + turn[axis, 2]
+    d0, d1, q0, q1 = turn[2, 0], turn[2, 1] * py + turn[2, 2], turn[3, 0], turn[3, 1] * py + turn[3, 2]
+    for k in range(count):
+        px = x0 + k + 0.5
+        a, q = a0 * px + a1, q0 * px + q1
         f0, f1, f2, f3 = (
             work[FOUR_F + k], work[FOUR_F + LANES + k], work[FOUR_F + 2 * LANES + k], work[FOUR_F + 3 * LANES + k],
         )  # fmt: skip
-        place = 0.0 if f2 == f2 else np.inf
+        rate = (Pq * (d0 * px + d1) - q * Pd) / (a * Pq - Pa * q)  # of the ray's d per column of the reference
+        level = (f2 if backward else -f2) / rate
+        level = level if level < 0.5 else 0.5
+        place = (level if level > -0.5 else -0.5) if tiles & (rate != 0.0) else 0.0
+        place = place if f2 == f2 else np.inf
         place = f2 / (f2 - f3) if f2 * f3 <= 0.0 else place
         place = f1 / (f1 - f2) - 1.0 if f1 * f2 <= 0.0 else place
         place = f0 / (f0 - f1) - 2.0 if f0 * f1 <= 0.0 else place
         edge = work[COLUMN + k] + place
         edge = columns - 1.0 - edge if backward else edge
-        px = x0 + k + 0.5
-        t = (edge * Pq - Pa) / (a0 * px + a1 - edge * (q0 * px + q1))
+        t = (edge * Pq - Pa) / (a - edge * q)
         work[T + k] = t if (abs(edge) < np.inf) & (t == t) else np.inf
 
 
 @kernel
 def pick_samples(
-    flat, stride, start, turn, weight, sectors, table, perspective, linear, reach, eye, base, parts, depth, ids
+    flat, stride, start, turn, weight, sectors, table, perspective, linear, steps, reach, eye, base, parts, depth, ids
 ):  # fmt: skip
     # weight (4,): (u, v, d, 1) to camera depth (perspective: over own z); reach: range of depths; depth (h, w) f32 and
     # ids (h, w) u32 are lowered in place; a hit's id is base + its sample (linear: the upper or left one of those it
     # lies between)
     rows, columns = depth.shape
-    slope = 3 if perspective else 2
+    slope, tiles = 3 if perspective else 2, steps[0] < np.inf
     for part in prange(parts):
         work = np.empty(WORK)
         for y in range(np.int64(part), rows, parts):
@@ -246,13 +305,15 @@ def pick_samples(
                     if linear:
                         for shift in range(4):
                             meet_column(
-                                number, shift - 2.0, x0, y, count, breadth, wide, start, turn, stride, True, flat,
-                                shift * LANES, work,
+                                number, shift - 2.0, x0, y, count, breadth, wide, start, turn, stride, True, steps,
+                                flat, shift * LANES, work,
                             )  # fmt: skip
-                        cross_between(number, x0, y, count, wide, start, turn, work)
+                        if tiles:
+                            cut_steps(count, steps, work)
+                        cross_between(number, x0, y, count, wide, start, turn, tiles, work)
                     else:
                         meet_column(
-                            number, 0.0, x0, y, count, breadth, wide, start, turn, stride, False, flat, 0, work
+                            number, 0.0, x0, y, count, breadth, wide, start, turn, stride, False, steps, flat, 0, work
                         )  # fmt: skip
                         for k in range(count):
                             place, d = work[PLACE + k], work[UPPER + k]

@@ -129,7 +129,7 @@ def cast_raster(raster: Raster, camera: Camera, search: str, base: int, depth: A
     )
     epipolar_samples.pick_samples(
         flat, columns, start, turn, pixels[2], sectors, table, raster.place.perspective, linear,
-        raster.ends[1] - raster.ends[0], raster.eye, base, parts, depth, ids,
+        raster.steps, raster.ends[1] - raster.ends[0], raster.eye, base, parts, depth, ids,
     )  # fmt: skip
     return int(sectors[:, epipolar_lines.LINES].sum())
 

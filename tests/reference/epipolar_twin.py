@@ -36,6 +36,8 @@ def correspondence(own, edges, samples, steps, line, place):
     middle = own[el.EDGE] + (line + 0.5) * own[el.WIDTH]
     over, under, b = own[el.OVER : el.OVER + 3], own[el.UNDER : el.UNDER + 3], place + 0.5
     d_far = (b * (under[0] * middle + under[2]) - over[0] * middle - over[2]) / (over[1] - b * under[1])
+    if steps[0] < np.inf:
+        return tile(own, edges, samples, steps, middle, d_far)
     before, there = None, np.nan
     for column in range(columns):
         keep, across, down, inverse = edges[:, column]
@@ -49,6 +51,31 @@ def correspondence(own, edges, samples, steps, line, place):
             return column
         before = None if np.isnan(here) else here
     return None
+
+
+def tile(own, edges, samples, steps, middle, d_far):
+    """Column whose texel, or the step to it from the one before, a ray first crosses, or None."""
+    columns, rows = int(own[el.ALONG]) + 1, int(own[el.ACROSS]) + 1
+    there = np.nan
+    for column in range(columns):
+        row = int(np.floor(middle * edges[0, column] + edges[1, column] + 0.5))
+        here = sample_at(own, samples, column, row) if 0 <= row < rows and edges[0, column] > el.NEAREST else np.nan
+        ways = [
+            between(edges, column - 0.5),
+            between(edges, column + 0.5),
+        ]  # (keep, drop): the ray is at d * keep + drop
+        over = [d_far * max(keep, el.NEAREST) + drop - here for keep, drop in ways]
+        step = abs(here - there) <= steps[0] + steps[1] * max(abs(here), abs(there))
+        if over[0] * over[1] <= 0 or (step and over[0] * (over[0] + here - there) <= 0):
+            return column
+        there = here
+    return None
+
+
+def between(edges, column):
+    """Interpolate (keep, shift_d) at a column between whole ones, or half a column beyond them."""
+    one = min(max(int(np.floor(column)), 0), edges.shape[1] - 2)
+    return tuple(edges[n, one] + (column - one) * (edges[n, one + 1] - edges[n, one]) for n in (0, 2))
 
 
 def sample_at(own, samples, column, row):
@@ -74,16 +101,13 @@ def short_way(start, turn, perspective, ends, px, py):
 
 def nearest_short(samples, steps, places, depths):
     """(row, column) of the first sample that a ray crosses on its short way, or None."""
-    before, over = np.nan, np.nan
-    for (u, v), d in zip(places, depths, strict=True):
-        i, j = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
-        inside = 0 <= i < samples.shape[1] and 0 <= j < samples.shape[0]
-        value = float(samples[j, i]) if inside else np.nan
-        one = abs(value - before) <= steps[0] + steps[1] * max(abs(value), abs(before))
-        if one and over * (d - value) <= 0:
-            return j, i
-        before, over = value, d - value
-    return None
+    i, j = np.floor(places + 0.5).astype(int).T
+    inside = (i >= 0) & (i < samples.shape[1]) & (j >= 0) & (j < samples.shape[0])
+    value = np.where(inside, samples[np.where(inside, j, 0), np.where(inside, i, 0)], np.nan).astype(float)
+    over = depths - value
+    one = np.abs(value[1:] - value[:-1]) <= steps[0] + steps[1] * np.maximum(np.abs(value[1:]), np.abs(value[:-1]))
+    met = np.flatnonzero(one & (over[:-1] * over[1:] <= 0))
+    return (j[met[0] + 1], i[met[0] + 1]) if len(met) else None
 
 
 def nearest(start, turn, weight, perspective, sectors, edges, samples, steps, size):
@@ -111,8 +135,10 @@ def nearest(start, turn, weight, perspective, sectors, edges, samples, steps, si
             edge = own[el.ALONG] - column if own[el.SIGN] < 0 else column
             Q = turn @ (x + 0.5, y + 0.5, 1.0)
             t = (edge * start[3] - start[axis]) / (Q[axis] - edge * Q[3])
-            row = int(np.floor((start[1 - axis] + t * Q[1 - axis]) / (start[3] + t * Q[3]) + 0.5))
-            if not (0 <= row <= own[el.ACROSS] and t > 0):
+            under = start[3] + t * Q[3]
+            row = int(np.floor((start[1 - axis] + t * Q[1 - axis]) / under + 0.5))
+            beyond = t < 0 and under < 0 and Q[3] > 0  # the vanishing point, within a texel of the hit
+            if not (0 <= row <= own[el.ACROSS] and (t > 0 or beyond)):
                 continue
             d = sample_at(own, samples, column, row)
             place_uv = (row, edge) if axis else (edge, row)

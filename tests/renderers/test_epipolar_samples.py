@@ -184,3 +184,17 @@ def test_eye_right_above_a_texel_sees_the_texel(search):
     view = Camera.look_at((8.3, 7.2, float(source.height[7, 8]) + 0.4), (12, 9, 0.5), fov_y_deg=60, width=37, height=29)
     exact, seen = (ibrpipe.render(source, view, "epipolar", search=name).depth for name in ("exact", search))
     assert np.mean(np.isfinite(exact) & np.isinf(seen)) < 0.02
+
+
+@pytest.mark.parametrize("search", ["nearest", "linear"])
+def test_hits_near_a_vanishing_point_are_kept_where_the_way_to_it_is_long(search):
+    """Far rows are met within a texel of where the ray ends in the map, near ones many texels before it."""
+    reference = Camera.look_at((0, 0, 0), (0, 1, 0), (0, 0, 1), 50.0, 40, 30)
+    depth = np.geomspace(30.0, 2.0, 30)[:, None] * np.ones((1, 40))
+    source = DepthImage(reference, np.full((30, 40, 3), 0.5), depth)
+    view = Camera.look_at((0.3, -0.1, 0.3), (0, 60, 0), (0, 0, 1), 45.0, 61, 47)
+    exact, seen = (ibrpipe.render(source, view, "epipolar", search=name).depth for name in ("exact", search))
+    assert np.isfinite(exact).mean() > 0.95
+    assert np.mean(np.isfinite(exact) != np.isfinite(seen)) < 0.005
+    both = np.isfinite(exact) & np.isfinite(seen)
+    assert (np.abs(np.log(seen[both] / exact[both])) < 2 * np.log(15.0) / 29).all()  # rows of the map
