@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import ibrpipe
 from ibrpipe.embree import MeshCaster
 from ibrpipe.io.views import View
 from ibrpipe.renderers.api import Prepared
+from ibrpipe.renderers.choice import Choice, choose
 from ibrpipe.stages.baselines import render_median, render_ulr
 from ibrpipe.stages.held_out import Frames
 from ibrpipe.stages.photos import PhotoSet
@@ -45,36 +45,44 @@ def make_contest(asset: Asset, frames: Frames, caster: MeshCaster, photos: Photo
     RendererError
         A renderer is unknown or cannot render the asset.
     """
-    prepared = {name: ibrpipe.prepare(asset, name) for name in frames.renderers}
+    choices = {name: choose(name) for name in frames.renderers}
+    prepared = {name: ibrpipe.prepare(asset, choice.name) for name, choice in choices.items()}
     first = frames.renderers[0]
-    plain: dict[str, Any] = {"residuals": False} if "residuals" in ibrpipe.renderers()[first]["options"] else {}
+    ready, diffuse = prepared[first], _without_residuals(choices[first])
     return Contest(
-        renderers={name: _frame_of(frames, name, ready) for name, ready in prepared.items()},
+        renderers={name: _frame_of(frames, choice, prepared[name]) for name, choice in choices.items()},
         baselines={
-            "diffuse": lambda view: ibrpipe.render(prepared[first], view.camera, first, **plain),
+            "diffuse": lambda view: ibrpipe.render(ready, view.camera, diffuse.name, **diffuse.options),
             "ulr": lambda view: render_ulr(view.camera, caster, photos),
             "mesh": lambda view: render_median(view.camera, caster, photos),
         },
         ways={
-            **{name: _way(name, ready) for name, ready in prepared.items()},
-            "diffuse": _way(first, prepared[first], **plain),
+            **{name: _way(choice, prepared[name]) for name, choice in choices.items()},
+            "diffuse": _way(diffuse, ready),
             "ulr": lambda camera: lambda: render_ulr(camera, caster, photos),
             "mesh": caster.prepared_cast,
         },
     )
 
 
-def _frame_of(frames: Frames, name: str, prepared: Prepared) -> Callable[[View], Frame]:
+def _without_residuals(choice: Choice) -> Choice:
+    if "residuals" not in ibrpipe.renderers()[choice.name]["options"]:
+        return choice
+    return replace(choice, options={**choice.options, "residuals": False})
+
+
+def _frame_of(frames: Frames, choice: Choice, prepared: Prepared) -> Callable[[View], Frame]:
     """Return a function that loads the render stage's frame of a view, or renders what that stage did not."""
 
     def load_or_render(view: View) -> Frame:
-        return frames.load(name, view) or ibrpipe.render(prepared, view.camera, name)
+        found = frames.load(choice.text, view)
+        return found or ibrpipe.render(prepared, view.camera, choice.name, **choice.options)
 
     return load_or_render
 
 
-def _way(name: str, prepared: Prepared, **options: Any) -> Way:
+def _way(choice: Choice, prepared: Prepared) -> Way:
     def prepare(camera: Camera) -> Draw:
-        return lambda: ibrpipe.render(prepared, camera, name, TIMED_OUTPUTS, **options)
+        return lambda: ibrpipe.render(prepared, camera, choice.name, TIMED_OUTPUTS, **choice.options)
 
     return prepare

@@ -20,6 +20,7 @@ from ibrpipe.io.paths import CameraPath, is_orbit, parse_orbit
 from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render, renderers
+from ibrpipe.renderers.choice import Choice, choose
 from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.video import write_video
 from ibrpipe.stages.viewpoints import camera_path
@@ -31,7 +32,11 @@ Output = Literal["color", "depth", "alpha"]
 class RenderConfig(StageConfig):
     """Settings of the render stage."""
 
-    renderers: tuple[str, ...] = Field(default=("ldi",), min_length=1, description="Renderers to use, by name")
+    renderers: tuple[str, ...] = Field(
+        default=("ldi",),
+        min_length=1,
+        description="Renderers to use, by name, with options if need be, such as epipolar:search=nearest",
+    )
     path: str = Field(
         default="test",
         min_length=1,
@@ -57,6 +62,14 @@ class RenderConfig(StageConfig):
         if is_orbit(path):
             parse_orbit(path)
         return path
+
+    @field_validator("renderers")
+    @classmethod
+    def _options_are_sound(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        for name in names:
+            if ":" in name:
+                choose(name)
+        return names
 
     @field_validator("renderers", "outputs")
     @classmethod
@@ -98,11 +111,12 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
     frames: list[dict[str, Any]] = []
     videos: dict[str, str] = {}
     for renderer in config.renderers:
-        folder = inputs.out / renderer
+        choice = choose(renderer)
+        folder = inputs.out / choice.folder
         folder.mkdir(parents=True, exist_ok=True)
-        frames += _render_all(asset, path, renderer, folder, config)
+        frames += _render_all(asset, path, choice, folder, config)
         if config.video and "color" in config.outputs:
-            videos[renderer] = f"{renderer}/{renderer}.mp4"
+            videos[renderer] = f"{choice.folder}/{choice.folder}.mp4"
             pictures = [inputs.out / frame["png"] for frame in frames if frame["renderer"] == renderer]
             write_video(inputs.out / videos[renderer], pictures, config.fps)
     document = {"path": config.path, "renderers": list(config.renderers), "videos": videos, "frames": frames}
@@ -120,22 +134,23 @@ def _sized(camera: Camera, width: int | None, height: int | None) -> Camera:
 
 
 def _render_all(
-    asset: Asset, path: CameraPath, renderer: str, folder: Path, config: RenderConfig
+    asset: Asset, path: CameraPath, choice: Choice, folder: Path, config: RenderConfig
 ) -> list[dict[str, Any]]:
     """Render and write all frames of one renderer; return their entries of frames.json."""
+    renderer = choice.name
     prepared = prepare(asset, renderer)
     takes_residuals = "residuals" in renderers()[renderer]["options"]
-    options: dict[str, Any] = {"residuals": config.residuals} if takes_residuals else {}
+    options = ({"residuals": config.residuals} if takes_residuals else {}) | dict(choice.options)
     render(prepared, path[0][1].resized(8, 8), renderer, config.outputs, **options)  # compiles, outside the timer
     entries = []
-    for name, camera in track(path, f"render {renderer}"):
+    for name, camera in track(path, f"render {choice.text}"):
         milliseconds = []
         for _ in range(config.repeats):
             began = perf_counter()
             frame = render(prepared, camera, renderer, config.outputs, **options)
             milliseconds.append(1e3 * (perf_counter() - began))
         files = write_frame(frame, folder / name)
-        entries.append(frame_entry(name, renderer, camera, frame, files, median(milliseconds)))
+        entries.append(frame_entry(name, choice.text, camera, frame, files, median(milliseconds)))
     return entries
 
 

@@ -13,6 +13,7 @@ from ibrpipe.errors import ConfigError, IbrError
 from ibrpipe.io.assets import write_asset
 from ibrpipe.io.images import read_depth, read_image
 from ibrpipe.io.views import View, ViewSet, write_views
+from ibrpipe.renderers.choice import choose
 from ibrpipe.stages.render import STAGE, Inputs, RenderConfig, run
 from ibrpipe.types import Asset, Camera, LayeredDepthImage, ParallelFrame, SpiralTexture
 
@@ -150,6 +151,9 @@ def test_a_capture_without_held_out_views_says_what_to_do(inputs: Inputs, tmp_pa
         ({"repeats": 0}, "greater than or equal to 1"),
         ({"outputs": ("heat",)}, "color"),
         ({"frames": 3}, "[Ee]xtra"),
+        ({"renderers": ("splat:footprint",)}, "key=value"),
+        ({"renderers": ("splat:size=2",)}, "no option 'size'"),
+        ({"renderers": ("magic:size=2",)}, "unknown renderer 'magic'"),
     ],
 )
 def test_wrong_settings_are_refused(settings: dict, match: str) -> None:
@@ -161,6 +165,24 @@ def test_wrong_settings_are_refused(settings: dict, match: str) -> None:
 def test_what_does_not_exist_is_told(inputs: Inputs, settings: dict) -> None:
     with pytest.raises(IbrError, match=r"magic|no such camera path"):
         run(inputs, RenderConfig(**settings))
+
+
+def test_one_renderer_with_different_options_is_two_renderers(inputs: Inputs) -> None:
+    listed = frames_of(inputs, renderers=("splat", "splat:footprint=0.3"), path="train")
+    assert listed["renderers"] == ["splat", "splat:footprint=0.3"]
+    covered = {
+        name: [np.isfinite(read_depth(inputs.out / e["file"])).sum() for e in listed["frames"] if e["renderer"] == name]
+        for name in listed["renderers"]
+    }
+    assert min(covered["splat"]) > 2 * max(covered["splat:footprint=0.3"]) > 0
+    assert listed["frames"][-1]["file"] == "splat-footprint=0.3/train2.exr"
+
+
+def test_words_numbers_and_nothing() -> None:
+    options = choose("prewarp:method=pipelined,depth_bits=8,max_step=2.5,level=none,quads=auto").options
+    assert options == {"method": "pipelined", "depth_bits": 8, "max_step": 2.5, "level": None, "quads": "auto"}
+    assert choose("ldi:residuals=false").options == {"residuals": False}
+    assert choose("ldi").options == {}
 
 
 def test_the_stage_is_wired() -> None:
