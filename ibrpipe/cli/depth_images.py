@@ -1,4 +1,4 @@
-"""``ibrpipe depth-images``: a few perspective depth images that cover a mesh, written as an asset."""
+"""``ibrpipe depth-images``: perspective depth images that cover a mesh, or photos with depth maps, as an asset."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from ibrpipe.errors import ConfigError, MissingFileError
     epilog=example(
         "ibrpipe depth-images dragon.ply --maps 16 --size 512 --out dragon",
         "ibrpipe depth-images dragon.ply --frusta dragon/frusta.yaml --out edited",
+        "ibrpipe depth-images captures/room --out room",
         "ibrpipe render --asset dragon --renderers epipolar --path orbit:frames=8 --out frames",
     ),
 )
-@click.argument("mesh", type=PATH)
+@click.argument("source", metavar="MESH|CAPTURE", type=PATH)
 @click.option("--maps", type=click.IntRange(1, 256), default=6, show_default=True, help="Most depth images to place.")
 @click.option("--size", type=click.IntRange(2, 8192), default=512, show_default=True, help="Pixels along each side.")
 @click.option(
@@ -32,14 +33,21 @@ from ibrpipe.errors import ConfigError, MissingFileError
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the candidates that greedy chooses from.")
 @click.option("--frusta", type=PATH, metavar="FILE", help="Take these frusta (YAML: eye, target, up, fov) instead.")
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Asset folder to write; frusta.yaml goes into it.")
-def command(mesh: Path, maps: int, size: int, arrange: str, seed: int, frusta: Path | None, out: Path) -> None:
-    """Cover MESH with few perspective depth images (schaufler1999) that every renderer reads."""
+def command(source: Path, maps: int, size: int, arrange: str, seed: int, frusta: Path | None, out: Path) -> None:
+    """Cover MESH with few perspective depth images (schaufler1999), as an asset.
+
+    Of a CAPTURE folder, the photos that have depth maps (depth/*.exr or .npy along camera z, beside images/) are
+    taken as they are; the options that place images are not for it.
+    """
     from ibrpipe.io.assets import write_asset
     from ibrpipe.io.meshes import read_mesh
     from ibrpipe.stages import frusta as placing
     from ibrpipe.stages.depth_images import depth_images_asset
 
-    whole, note = read_mesh(mesh), ""
+    if source.is_dir():
+        click.echo(_write_views(source, out))
+        return
+    whole, note = read_mesh(source), ""
     if frusta is not None:
         placed = placing.frusta_from_entries(_read(frusta))
     elif arrange == "cube":
@@ -47,9 +55,31 @@ def command(mesh: Path, maps: int, size: int, arrange: str, seed: int, frusta: P
     else:
         placed, share = placing.greedy_frusta(whole, maps, seed)
         note = f", {100 * share:.1f} % of the surface that can be seen"
-    write_asset(depth_images_asset(whole, placed, size, str(mesh)), out)
+    write_asset(depth_images_asset(whole, placed, size, str(source)), out)
     placing.write_frusta(placed, out / "frusta.yaml")
     click.echo(f"{out}: {len(placed)} depth images of {size} x {size}{note}")
+
+
+def _write_views(capture: Path, out: Path) -> str:
+    """Write the asset of a capture's photos with depth maps; return what to say."""
+    import numpy as np
+
+    from ibrpipe.io.assets import write_asset
+    from ibrpipe.io.captures import read_capture
+    from ibrpipe.io.views import load_depth, load_view
+    from ibrpipe.stages.depth_images import asset_of_views
+    from ibrpipe.types import DepthImage
+
+    whole = read_capture(capture)
+    views = [view for view in (*whole.train, *whole.test) if view.depth is not None]
+    if not views:
+        raise MissingFileError(f"{capture}: no view has a depth map; put them into depth/ beside images/")
+    images = []
+    for view in views:
+        color, mask = load_view(view)
+        images.append(DepthImage(view.camera, color, np.where(mask >= 0.5, load_depth(view), np.inf)))
+    write_asset(asset_of_views(images, [view.name for view in views], str(capture)), out)
+    return f"{out}: {len(images)} depth images of the photos"
 
 
 def _read(path: Path) -> object:

@@ -81,3 +81,22 @@ def test_frusta_survive_their_file():
     assert frusta_from_entries(yaml.safe_load(yaml.safe_dump(entries_from_frusta(frusta)))) == frusta
     with pytest.raises(ConfigError, match="zoom"):
         frusta_from_entries([{**entries_from_frusta(frusta)[0], "zoom": 2}])
+
+
+def test_photos_with_depth_maps_become_an_asset_as_they_are(make_tiny, tmp_path):
+    out = tmp_path / "asset"
+    done = CliRunner().invoke(cli, ["depth-images", str(make_tiny("ball")), "--out", str(out)], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    asset = ibrpipe.read_asset(out)
+    assert f"{len(asset.textures)} depth images of the photos" in done.output
+    camera = asset.textures[0].layers.frame
+    for renderer in ("epipolar", "ldi"):
+        shown = ibrpipe.render(asset, camera, renderer)
+        assert np.isfinite(shown.depth).mean() > 0.05
+        own = np.full(camera.height * camera.width, np.inf)
+        own[np.flatnonzero(np.diff(asset.textures[0].layers.offsets, axis=1))] = asset.textures[0].layers.depth
+        both = np.isfinite(own) & np.isfinite(shown.depth.ravel())
+        assert both.sum() > 0.9 * np.isfinite(own).sum()
+        assert np.median(np.abs(shown.depth.ravel()[both] / own[both] - 1)) < 1e-3
+    (tmp_path / "empty").mkdir()
+    assert CliRunner().invoke(cli, ["depth-images", str(tmp_path / "empty"), "--out", str(out)]).exit_code == 1
