@@ -1,4 +1,4 @@
-"""What ``hard_cases.json`` holds."""
+"""Cells of the table of hard cases: one case, one setting, its figures and limits. `hard_file` stores them."""
 
 from __future__ import annotations
 
@@ -90,7 +90,6 @@ class Cell(_Record):
 class HardCasesModel(_Record):
     """All cells, and what they were measured on."""
 
-    schema_version: Literal[2] = 2
     machine: Machine = Field(description="Processor, threads, versions")
     threads: list[int] = Field(description="Numbers of threads with which every cell was rendered")
     cases: list[CaseFacts] = Field(description="Cases, group by group")

@@ -47,9 +47,9 @@ def hard_cases(out: Path, renderers: tuple[str, ...], cases: tuple[str, ...], as
     """
     from ibrpipe.bench.cases import choose_cases
     from ibrpipe.bench.hard_cases import run_hard_cases
+    from ibrpipe.bench.hard_file import lines_of, pack, write_hard_cases
     from ibrpipe.bench.report import write_hard_page
     from ibrpipe.bench.settings import choose_settings
-    from ibrpipe.io.manifest import write_json
 
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # pictures are tiny: threads that wait must not spin
     chosen, settings = choose_cases(cases), choose_settings(renderers)
@@ -57,10 +57,10 @@ def hard_cases(out: Path, renderers: tuple[str, ...], cases: tuple[str, ...], as
     with display():
         run = run_hard_cases(chosen, settings)
     model = run.model
-    write_json(out / "hard_cases.json", model.model_dump(mode="json"))
+    write_hard_cases(out / "hard_cases.json", model)
     write_hard_page(out / "hard_cases.html", run)
     if as_json:
-        click.echo(json.dumps(model.model_dump(mode="json"), indent=2))
+        click.echo(lines_of(pack(model).model_dump(mode="json")))
     else:
         print_table(facts_table("hard cases", _summary(model)))
         click.echo(f"report: {(out / 'hard_cases.html').resolve()}")

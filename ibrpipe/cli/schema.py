@@ -17,7 +17,7 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def models() -> dict[str, type[BaseModel]]:
     """Return every model of a file on disk, by the name of its schema."""
-    from ibrpipe.bench.hard_results import HardCasesModel
+    from ibrpipe.bench.hard_file import HardCasesFile
     from ibrpipe.bench.size_results import GrowthModel, Table2Model
     from ibrpipe.bench.speed_results import SpeedErrorModel
     from ibrpipe.io.manifest import Manifest
@@ -27,7 +27,7 @@ def models() -> dict[str, type[BaseModel]]:
     from ibrpipe.stages.registry import load_stages
 
     found: dict[str, type[BaseModel]] = {name: model for name, (model, _) in DOCUMENTS.items()}
-    found |= {"hard_cases": HardCasesModel, "manifest": Manifest, "metrics": MetricsModel}
+    found |= {"hard_cases": HardCasesFile, "manifest": Manifest, "metrics": MetricsModel}
     found |= {"pipeline": pipeline_model(load_stages()), "speed_error": SpeedErrorModel}
     found |= {"growth": GrowthModel, "table2": Table2Model}
     return dict(sorted(found.items()))

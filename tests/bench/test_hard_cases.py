@@ -12,7 +12,7 @@ from ibrpipe.bench import oracle
 from ibrpipe.bench.cases import GROUPS, Case, Refusal, all_cases, choose_cases
 from ibrpipe.bench.cases.spirals import build_spiral, expected, residual_of, spiral_camera
 from ibrpipe.bench.hard_cases import run_hard_cases
-from ibrpipe.bench.hard_results import HardCasesModel
+from ibrpipe.bench.hard_file import read_hard_cases, write_hard_cases
 from ibrpipe.bench.measure import measure
 from ibrpipe.bench.settings import EXACT, Limit, Setting, choose_settings
 from ibrpipe.bench.surface import build_surface
@@ -163,12 +163,34 @@ def test_choosing_by_name_group_and_mistake():
 def test_command_writes_figures_and_page(tmp_path):
     result = CliRunner().invoke(cli, ["bench", "hard-cases", "--out", str(tmp_path / "x"), "--cases", "grazing-*"])
     assert result.exit_code == 0, result.output
-    model = HardCasesModel.model_validate(json.loads((tmp_path / "x/hard_cases.json").read_text()))
-    assert len(model.cases) == 8
+    path = tmp_path / "x/hard_cases.json"
+    stored, model = json.loads(path.read_text()), read_hard_cases(path)
+    assert stored["schema_version"] == 3
+    assert len(model.cases) == len(stored["cases"]) == 8
+    assert len(model.cells) == len(stored["cells"]["case"])
+    assert path.stat().st_size < 200 * len(model.cells) + 2000 * (len(model.settings) + 8)
     page = (tmp_path / "x/hard_cases.html").read_text()
     assert "grazing-89.9-low" in page
     assert "http" not in page.replace("http-equiv", "")
     assert "<script" not in page
+
+
+def test_the_file_holds_what_was_found(tmp_path):
+    """All that the cells hold comes back, figures to four digits."""
+    chosen = choose_cases(["eye-looks-away", "grazing-89", "refused-nan", "surface-constant"])
+    found = run_hard_cases(chosen, choose_settings(["ldi", "splat"]), depths=(8, 32)).model
+    cells = [found.cells[0].model_copy(update={"status": "fail", "failures": ["one", "other"]}), *found.cells[1:]]
+    model = found.model_copy(update={"cells": cells})
+    write_hard_cases(tmp_path / "x.json", model)
+    again = read_hard_cases(tmp_path / "x.json")
+    assert (again.cases, again.settings, again.machine) == (model.cases, model.settings, model.machine)
+    for one, other in zip(again.cells, model.cells, strict=True):
+        left, right = one.model_dump(), other.model_dump()
+        for part in ("figures", "limits"):
+            for name, value in (right.pop(part) or {}).items():
+                assert left[part][name] == (pytest.approx(value, rel=1e-3) if isinstance(value, float) else value)
+            left.pop(part)
+        assert left == right
 
 
 def test_command_fails_where_a_cell_fails(tmp_path, monkeypatch):
