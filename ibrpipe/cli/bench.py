@@ -111,7 +111,7 @@ def speed_error(out: Path, renderers: tuple[str, ...], mesh: Path | None, quick:
     if as_json:
         click.echo(json.dumps(run.model.model_dump(mode="json"), indent=2))
         return
-    print_table(facts_table("who is fastest", _winners(run.model)))
+    print_table(facts_table("which renderer when", _winners(run.model)))
     click.echo(f"report: {(out / 'speed_error.html').resolve()}")
 
 
@@ -212,9 +212,16 @@ def _table2_lines(model: Any) -> dict[str, str]:
 
 
 def _winners(model: Any) -> dict[str, str]:
-    from ibrpipe.bench.report.speed_page import summary
+    from ibrpipe.bench.advice import NEEDS
+    from ibrpipe.bench.report.speed_page import recommended, shown_works
 
-    return {f"{row['need']} ({row['kind']}s)": f"{row['wins']} of {row['of']}" for row in summary(model)}
+    shown = {work.name for work in shown_works(model)}
+    return {
+        f"{need.title}, {row['work']}": f"{cell['winner']} {cell['time']}, {cell['cost']}".strip(" ,")
+        for row in recommended(model)
+        if row["work"] in shown
+        for need, cell in zip(NEEDS, row["cells"], strict=True)
+    }
 
 
 def _summary(model: Any) -> dict[str, str]:

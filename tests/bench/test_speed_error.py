@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ibrpipe.bench.advice import choose_winners
+from ibrpipe.bench.advice import NEEDS, advise, choose_winners
 from ibrpipe.bench.report.plots import _front
+from ibrpipe.bench.report.speed_page import recommended
 from ibrpipe.bench.report.template import figure, share
 from ibrpipe.bench.speed_results import Score, SpeedErrorModel, Timing, WorkFacts
 from ibrpipe.bench.timing import interleave, slope
@@ -85,6 +86,8 @@ def test_page_answers_and_loads_nothing(quick):
     assert 'src="http' not in page
     for contender in model.contenders:
         assert contender.label in page
+    for row in recommended(model):
+        assert all(cell["winner"] for cell in row["cells"])
     views, works = ("oblique 60", "grazing 85", "corner"), ("height field 128", "torus 48", "ring 48")
     shown = [score for score in model.scores if score.view in views and score.work in works]
     assert page.count("data:image/png") == len(shown)
@@ -108,6 +111,19 @@ def test_winners_meet_the_demand_and_colourless_peers_win_no_picture():
     assert (fair.winner, fair.second) == ("fast", "right")
     nobody = choose_winners([score("fast", 1.0, wrong=0.5)], [work])[0]
     assert nobody.winner is None
+
+
+def test_advice_is_the_fastest_that_meets_the_demand_in_every_view():
+    work = WorkFacts(name="w", kind="height field", n=8, texels=64, views=["v", "u"])
+    scores = [score("mixed", 1.0), score("right", 4.0), score("slow", 8.0), score("Embree", 2.0)]
+    scores += [each.model_copy(update={"view": "u"}) for each in scores]
+    scores[4] = score("mixed", 1.0, wrong=0.01, rmse=0.05, codes=1.5).model_copy(update={"view": "u"})
+    exact, near, best, fair = (advise(need, work, scores) for need in NEEDS)
+    assert (exact.winner, exact.second, exact.ratio) == ("Embree", "right", pytest.approx(2.0))
+    assert near.winner == fair.winner == "mixed"
+    assert (best.winner, best.milliseconds, best.second) == ("right", pytest.approx(4.0), "slow")
+    assert [each.view for each in best.scores] == ["v", "u"]
+    assert advise(NEEDS[0], work, scores[:4]).winner is None
 
 
 def test_front_slope_and_numbers():

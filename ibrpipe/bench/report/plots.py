@@ -50,12 +50,13 @@ def pareto_plot(model: SpeedErrorModel, work: str, views: Sequence[str], colour:
         axes.plot([x for x, _ in front], [y for _, y in front], "-", color="#b9c0c6", linewidth=1.4, zorder=1)
         axes.set_title(view, fontsize=11, color=INK, loc="left")
         axes.set_xscale("log")
+        axes.set_yscale("log")
         if not colour:
-            axes.set_yscale("log")
             axes.set_ylim(FLOOR / 2, 2)
-        else:
-            axes.set_ylim(bottom=0)
         _dress(axes)
+        if colour:
+            axes.margins(y=0.12)
+            _plain_ticks(axes.yaxis, *axes.get_ylim())
     for axes in panels[len(views) :]:
         axes.set_visible(False)
     error = "RMS error of colour, 8-bit sRGB codes" if colour else "mean error, texels (1 = wrong)"
@@ -69,13 +70,14 @@ def growth_plot(model: SpeedErrorModel, series: Sequence[str]) -> str:
     """Draw time against size for one or two series, a panel each; slopes stand in the table below."""
     figure, panels, legend = _figure(1, max(2, len(series)), 3.6)
     marks, shown = styles(model.contenders), []
+    main = {each.label for each in model.contenders if each.main}
     for name, axes in zip(series, panels):
-        for curve in model.growth:
-            if curve.series == name and len(curve.sizes) > 1:
-                color, marker = marks[curve.contender]
-                _curve(axes, list(zip(curve.sizes, curve.milliseconds)), color, marker)
-                shown.append(curve.contender)
-        _squared(axes, [curve for curve in model.growth if curve.series == name])
+        mine = [c for c in model.growth if c.series == name and c.contender in main and len(c.sizes) > 1]
+        for curve in mine:
+            color, marker = marks[curve.contender]
+            _curve(axes, list(zip(curve.sizes, curve.milliseconds)), color, marker)
+            shown.append(curve.contender)
+        _squared(axes, mine)
         axes.set_title(name, fontsize=11, color=INK, loc="left")
         _log_sizes(axes)
         _dress(axes)
@@ -120,17 +122,15 @@ def region_plot(curves: Sequence[Growth]) -> str:
         label = curve.series.removeprefix("epipole ")
         marks[label] = (COLORS[n % len(COLORS)], MARKERS[n % len(MARKERS)])
         _curve(panels[0], list(zip(curve.sizes, curve.milliseconds)), *marks[label])
-        middles = [(a * b) ** 0.5 for a, b in pairwise(curve.sizes)]
         color, marker = marks[label]
-        panels[1].plot(middles, curve.doublings, marker + "-", color=color, markersize=6, linewidth=1.2)
+        steps = [f"{a} to {b}" for a, b in pairwise(curve.sizes)]
+        panels[1].plot(steps, curve.doublings, marker + "-", color=color, markersize=6, linewidth=1.2)
     _squared(panels[0], curves)
     panels[1].axhline(4.0, linestyle=":", color=MUTED, linewidth=1.2)
     panels[1].set_ylim(bottom=0)
     for axes, title in zip(panels, (f"{curves[0].contender}: milliseconds", "factor at each doubling (dotted: n²)")):
         axes.set_title(title, fontsize=11, color=INK, loc="left")
     _log_sizes(panels[0])
-    panels[1].set_xscale("log", base=2)
-    panels[1].xaxis.set_major_formatter(lambda value, _: f"{value:.0f}")
     for axes in panels:
         _dress(axes)
     figure.supxlabel("n: texels and pixels along a side", fontsize=10, color=MUTED, x=0.42)
@@ -145,8 +145,11 @@ def _curve(axes: Any, points: Sequence[tuple[float, float]], color: str, marker:
 
 def _slope_two(axes: Any, sizes: Sequence[int], least: float) -> None:
     sizes = sorted(set(sizes))
+    drawn = [y for line in axes.lines for y in line.get_ydata()]
     axes.plot(sizes, [0.6 * least * (n / sizes[-1]) ** 2 for n in sizes], ":", color=MUTED, linewidth=1.2)
     axes.annotate("n²", (sizes[-1], 0.6 * least), (3, -2), textcoords="offset points", fontsize=9, color=MUTED)
+    if drawn:
+        axes.set_ylim(0.5 * min(drawn), 1.6 * max(drawn))
 
 
 def _squared(axes: Any, curves: Sequence[Growth]) -> None:
@@ -177,10 +180,10 @@ def _points(scores: Sequence[Score], colour: bool) -> dict[str, tuple[float, flo
 
 
 def _front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the points that nobody beats in both, from fast to slow."""
+    """Return the points that nobody beats in both, from fast to slow; an error a hundredth less is no less."""
     front: list[tuple[float, float]] = []
     for x, y in sorted(points):
-        if not front or y < front[-1][1]:
+        if not front or y < 0.99 * front[-1][1]:
             front.append((x, y))
     return front
 
@@ -215,22 +218,21 @@ def _dress(axes: Any) -> None:
     axes.tick_params(colors=MUTED, length=0, which="both", labelsize=9)
     axes.margins(x=0.12)
     if axes.get_xscale() == "log" and axes.xaxis.get_transform().base == 10:
-        _plain_ticks(axes)
+        _plain_ticks(axes.xaxis, *axes.get_xlim())
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     axes.spines["bottom"].set_color("#c9cbc7")
 
 
-def _plain_ticks(axes: Any) -> None:
+def _plain_ticks(axis: Any, low: float, high: float) -> None:
     """Write 0.1, 1, 2, 5, 10 rather than powers of ten."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
-    low, high = axes.get_xlim()
     steps = (1, 2, 5) if high / low < 200 else (1,)
     values = [step * 10.0**power for power in range(-4, 6) for step in steps]
-    axes.xaxis.set_major_locator(FixedLocator([value for value in values if low <= value <= high]))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_major_locator(FixedLocator([value for value in values if low <= value <= high]))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
 
 
 def _svg(figure: Any) -> str:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ibrpipe.bench.advice import NEEDS
+from ibrpipe.bench.advice import NEEDS, Advice, advise
 from ibrpipe.bench.report.error_pictures import draw_errors, gradient
 from ibrpipe.bench.report.plots import growth_plot, pareto_plot, region_plot, styles
 from ibrpipe.bench.report.template import figure, fill, share
@@ -23,7 +22,9 @@ def write_speed_page(path: Path, run: SpeedRun) -> None:
         fill(
             "speed_error.html",
             model=model,
-            summary=summary(model),
+            needs=NEEDS,
+            recommended=recommended(model),
+            prices=_prices(model),
             advice=_advice(model),
             paretos=_paretos(model),
             growth=_growth(model),
@@ -38,17 +39,69 @@ def write_speed_page(path: Path, run: SpeedRun) -> None:
     )
 
 
-def summary(model: SpeedErrorModel) -> list[dict[str, Any]]:
-    """Return, for every need, how often who is fastest: in height fields and in objects."""
-    kinds = {work.name: work.kind for work in model.works}
-    found = []
-    for need in NEEDS:
-        for kind in dict.fromkeys(kinds.values()):
-            mine = [c for c in model.choices if c.need == need.words and kinds[c.work] == kind]
-            counts = Counter(choice.winner for choice in mine)
-            wins = ", ".join(f"{name or 'nobody'} {count}" for name, count in counts.most_common())
-            found.append({"need": need.words, "kind": kind, "wins": wins, "of": len(mine)})
-    return found
+def recommended(model: SpeedErrorModel) -> list[dict[str, Any]]:
+    """One row for each thing: whom to use under each demand, its time over all views, its error, and the next."""
+    rows = []
+    for work in model.works:
+        cells = []
+        for need in NEEDS:
+            found = advise(need, work, model.scores)
+            after = f"{found.second} takes {found.ratio:.1f}×" if found.second else "the only one"
+            cells.append(
+                {
+                    "winner": found.winner,
+                    "time": f"{figure(found.milliseconds)} ms",
+                    "cost": _cost(found),
+                    "next": after,
+                }
+                if found.winner
+                else {"winner": "nobody", "time": "", "cost": "", "next": ""}
+            )
+        rows.append({"work": work.name, "cells": cells})
+    return rows
+
+
+def _cost(found: Advice) -> str:
+    if not found.need.picture:
+        wrong = max(score.wrong for score in found.scores)
+        return f"{share(wrong)} wrong" if wrong else "0 wrong"
+    codes = [score.codes for score in found.scores if score.codes is not None]
+    return f"{min(codes):.1f} to {max(codes):.1f} codes"
+
+
+def _prices(model: SpeedErrorModel) -> list[dict[str, Any]]:
+    """What everyone takes and errs by on the middle height field and on the largest of each object."""
+    fields = [work for work in model.works if work.kind == "height field"]
+    objects = [work for work in shown_works(model) if work.kind == "object"]
+    chosen = [*fields[len(fields) // 2 : len(fields) // 2 + 1], *objects]
+    return [{"work": work, "rows": _price_rows(model, work)} for work in chosen]
+
+
+def _price_rows(model: SpeedErrorModel, work: WorkFacts) -> list[dict[str, Any]]:
+    exact = advise(NEEDS[0], work, model.scores)
+    rows = []
+    for contender in model.contenders:
+        mine = [s for s in model.scores if s.work == work.name and s.contender == contender.label]
+        if not mine:
+            continue
+        depth = _mean([s.depth.milliseconds for s in mine if s.depth])
+        wrong, codes = [s.wrong for s in mine], [s.codes for s in mine if s.codes is not None]
+        rows.append(
+            {
+                "label": contender.label,
+                "depth": figure(depth),
+                "ratio": f"{depth / exact.milliseconds:.1f}×" if depth and exact.milliseconds else "–",
+                "both": figure(_mean([s.both.milliseconds for s in mine if s.both])),
+                "wrong": "0" if not max(wrong) else f"{_percent(min(wrong))} to {_percent(max(wrong))} %",
+                "rmse": figure(max(s.rmse for s in mine)),
+                "codes": f"{min(codes):.1f} to {max(codes):.1f}" if codes else "–",
+            }
+        )
+    return rows
+
+
+def _percent(part: float) -> str:
+    return share(part).removesuffix(" %")
 
 
 def shown_works(model: SpeedErrorModel) -> list[WorkFacts]:
@@ -68,7 +121,7 @@ def _advice(model: SpeedErrorModel) -> list[dict[str, Any]]:
         for view in work.views:
             cells = []
             for need in NEEDS:
-                choice = choices[work.name, view, need.words]
+                choice = choices[work.name, view, f"{need.title}: {need.words}"]
                 if choice.winner is None:
                     cells.append({"winner": "nobody", "note": "", "next": ""})
                     continue
@@ -84,7 +137,7 @@ def _advice(model: SpeedErrorModel) -> list[dict[str, Any]]:
 
 
 def _depth_cost(score: Score) -> str:
-    return f"{share(score.wrong)} wrong, {figure(score.rmse)} texels"
+    return f"{share(score.wrong)} wrong" + (f", {figure(score.rmse)} texels" if score.rmse > 1e-3 else "")
 
 
 def _paretos(model: SpeedErrorModel) -> list[dict[str, Any]]:
