@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
@@ -13,7 +12,7 @@ import numpy as np
 from ibrpipe.bench.cases import GROUPS
 from ibrpipe.bench.hard_cases import HardRun
 from ibrpipe.bench.hard_frames import WrongPixels
-from ibrpipe.bench.hard_results import Cell, HardCasesModel, Limits
+from ibrpipe.bench.hard_results import Cell, Figures, HardCasesModel, Limits
 from ibrpipe.bench.report.template import figure, fill, picture, share
 from ibrpipe.bench.settings import EXACT
 from ibrpipe.types import Array
@@ -25,6 +24,7 @@ SHOWN = 3
 def write_hard_page(path: Path, run: HardRun) -> None:
     """Write the page: one file without scripts that loads nothing from anywhere."""
     model = run.model
+    groups = _groups(model)
     path.write_text(
         fill(
             "hard_cases.html",
@@ -33,8 +33,8 @@ def write_hard_page(path: Path, run: HardRun) -> None:
             failing=model.failing,
             measured=sum(cell.status != "not applicable" for cell in model.cells),
             pixels=next((cell.figures.pixels for cell in model.cells if cell.figures), 0),
-            cards=_cards(model),
-            groups=_groups(model),
+            glance=_glance(model, groups),
+            groups=groups,
             pictures=_pictures(run),
             bit_rows=_bit_rows(model),
             limit_rows=_limit_rows(model),
@@ -44,45 +44,81 @@ def write_hard_page(path: Path, run: HardRun) -> None:
     )
 
 
-def _cards(model: HardCasesModel) -> list[dict[str, str]]:
-    cards = []
-    for setting in model.settings:
-        counts = Counter(cell.status for cell in model.cells if cell.setting == setting.label)
-        figures = [c.figures for c in model.cells if c.setting == setting.label and c.figures and c.bits == 32]
-        worst = max((f.texels or 0.0 for f in figures), default=0.0)
-        wrong = sum(f.lost + f.extra + f.astray for f in figures)
-        cards.append(
-            {
-                "tone": "poor" if counts["fail"] else "fair" if wrong else "good",
-                "label": setting.label,
-                "value": f"{counts['pass']} of {counts['pass'] + counts['fail']}",
-                "note": f"within limits; worst {figure(worst)} texels, {wrong} wrong pixels"
-                + (f"; {counts['refused']} refused" if counts["refused"] else ""),
-            }
-        )
-    return cards
+def _glance(model: HardCasesModel, groups: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row for each group: what every setting shows over all its cells; relief-mapped meshes in a second table."""
+    named = {row["name"]: group["title"] for group in groups for row in group["rows"]}
+    cells: dict[tuple[str, str], list[Cell]] = {}
+    for cell in model.cells:
+        if cell.status != "not applicable" and cell.setting != "load":
+            cells.setdefault((named[cell.case], cell.setting), []).append(cell)
+    tables = []
+    for mesh in (False, True):
+        titles = [group["title"] for group in groups if group["mesh"] == mesh]
+        columns = [s.label for s in model.settings if any((title, s.label) in cells for title in titles)]
+        rows = [
+            {"title": title, "cells": [_summed(cells.get((title, n), [])) for n in columns]}
+            for title in titles
+            if any((title, n) in cells for n in columns)
+        ]
+        if rows:
+            tables.append({"columns": columns, "rows": rows})
+    return tables
+
+
+def _summed(cells: Sequence[Cell]) -> dict[str, str]:
+    """Return what many cells show together: how many fail, else the share of wrong pixels, in all and in the worst."""
+    shown = [cell for cell in cells if cell.figures]
+    failing = sum(cell.status == "fail" for cell in cells)
+    shares = [_wrong(c.figures) / c.figures.pixels for c in shown if c.figures]
+    if not cells:
+        return {"tone": "none", "text": "–", "more": ""}
+    if failing:
+        return {"tone": "fail", "text": f"{failing} of {len(cells)} fail", "more": ""}
+    if not any(shares):
+        tone = "pass" if all(map(_exact, shown)) else "within"
+        return {"tone": tone, "text": "0", "more": ""}
+    return {"tone": "within", "text": share(sum(shares) / len(shares)), "more": f"≤ {share(max(shares))}"}
+
+
+def _wrong(found: Figures) -> int:
+    return found.lost + found.extra + found.astray
+
+
+def _exact(cell: Cell) -> bool:
+    """Say whether a cell shows nothing but rounding."""
+    assert cell.figures
+    most = (cell.limits.texels or 0.0) if cell.limits else 0.0
+    return not _wrong(cell.figures) and (cell.figures.texels or 0.0) <= max(EXACT.texels, most)
 
 
 def _groups(model: HardCasesModel) -> list[dict[str, Any]]:
+    """One table for each group, and one for its relief-mapped meshes, with the columns that have anything to show."""
     cells: dict[tuple[str, str], list[Cell]] = {}
     for cell in model.cells:
         cells.setdefault((cell.case, cell.setting), []).append(cell)
     labels = [setting.label for setting in model.settings]
     found = []
     for number, name in GROUPS.items():
-        facts = [case for case in model.cases if case.group == number]
-        columns = [n for n in (*labels, "load") if any((case.name, n) in cells for case in facts)]
-        rows = [
-            {
-                "name": case.name,
-                "what": case.what,
-                "cells": [_worst(cells.get((case.name, n), [])) for n in columns],
-                "parts": _parts([cells.get((case.name, n), []) for n in columns]),
-            }
-            for case in facts
-        ]
-        if rows:
-            found.append({"number": number, "name": name, "columns": columns, "rows": rows})
+        for mesh in (False, True):
+            facts = [case for case in model.cases if case.group == number and ("mesh-" in case.name) == mesh]
+            columns = [
+                n
+                for n in (*labels, "load")
+                if any(c.status != "not applicable" for case in facts for c in cells.get((case.name, n), []))
+            ]
+            rows: list[dict[str, Any]] = [
+                {
+                    "name": case.name,
+                    "what": case.what,
+                    "cells": [_worst(cells.get((case.name, n), [])) for n in columns],
+                    "parts": _parts([cells.get((case.name, n), []) for n in columns]),
+                }
+                for case in facts
+            ]
+            failing = any(cell["tone"] == "fail" for row in rows for cell in row["cells"])
+            title = f"{number} · {name}" + (": relief-mapped meshes" if mesh else "")
+            if rows:
+                found.append({"title": title, "columns": columns, "rows": rows, "open": failing, "mesh": mesh})
     return found
 
 
@@ -96,7 +132,7 @@ def _worst(cells: Sequence[Cell]) -> dict[str, str]:
         found = cell.figures
         if found is None:
             return order.index(cell.status), 0.0, 0.0
-        return order.index(cell.status), found.lost + found.extra + found.astray, found.texels or found.codes or 0.0
+        return order.index(cell.status), _wrong(found), found.texels or found.codes or 0.0
 
     chosen, held = max(cells, key=badness), sum(cell.status in ("pass", "refused") for cell in cells)
     shown, tried = _shown(chosen), sum(cell.status != "not applicable" for cell in cells)
@@ -135,23 +171,22 @@ def _reasons(model: HardCasesModel) -> list[dict[str, Any]]:
 def _shown(cell: Cell | None) -> dict[str, str]:
     """Return tone, text and tooltip of one cell of the table."""
     if cell is None or cell.status == "not applicable":
-        return {"tone": "none", "text": "–", "title": cell.message if cell else ""}
+        return {"tone": "none", "text": "–", "more": "", "title": cell.message if cell else ""}
     if cell.figures is None:
         text = {"pass": "refused", "refused": "refused", "fail": "failed"}[cell.status]
-        return {"tone": cell.status, "text": text, "title": cell.message or "; ".join(cell.failures)}
+        return {"tone": cell.status, "text": text, "more": "", "title": cell.message or "; ".join(cell.failures)}
     found = cell.figures
-    wrong = found.lost + found.extra + found.astray
+    wrong = _wrong(found)
+    text = figure(found.texels)
     if found.texels is None and found.codes is not None:
         text = f"{figure(found.codes)} codes"
-    else:
-        text = figure(found.texels) + (f" · {wrong} w" if wrong else "")
-    exact = not wrong and (found.texels or 0.0) <= max(EXACT.texels, (cell.limits.texels or 0) if cell.limits else 0)
-    tone = cell.status if cell.status != "pass" or exact else "within"
+    tone = cell.status if cell.status != "pass" or _exact(cell) else "within"
     title = (
         f"{wrong} wrong ({found.lost} lost, {found.extra} extra, {found.astray} astray), {found.doubtful} doubtful; "
         f"99 %: {figure(found.texels_p99)} texels, {figure(found.shift_p99)} pixels, {figure(found.codes_p99)} codes"
     )
-    return {"tone": tone, "text": text, "title": "; ".join([*cell.failures, title])}
+    more = f"{wrong} w" if wrong else ""
+    return {"tone": tone, "text": text, "more": more, "title": "; ".join([*cell.failures, title])}
 
 
 def _pictures(run: HardRun) -> list[dict[str, str]]:
