@@ -144,23 +144,31 @@ def _colors(source: ReliefMesh, hits: oracle.Hits) -> Array:
 
 def _from_meant(posed: PosedMesh, hits: oracle.Hits, got: Array) -> Array:
     """(H, W) texels of depth from the shown point to the front before it was stored; NaN where that is not hit."""
-    wraps, (rows, columns) = posed.source.edges == "wrap", posed.source.height.shape
-    front, meant = oracle.relief_of(posed.source).front, 1.0 - posed.shot.meant
-    at = oracle.read(front[..., None], wraps, hits.place[..., 0], hits.place[..., 1])[..., 0]
+    return _off(posed, hits, got, 1.0 - posed.shot.meant)
+
+
+def _off(posed: PosedMesh, hits: oracle.Hits, depth: Array, front: Array) -> Array:
+    """(H, W) texels from the rays' points at `depth` to a front (h, w), along it; NaN where the front is not hit."""
+    wraps = posed.source.edges == "wrap"
+    at = oracle.read(oracle.relief_of(posed.source).front[..., None], wraps, hits.place[..., 0], hits.place[..., 1])
     with np.errstate(invalid="ignore"):
-        u, v, z = np.moveaxis(hits.place + (got - hits.truth.depth)[..., None] * hits.rate, -1, 0)
-        off = np.abs(z - oracle.read(meant.reshape(rows, columns, 1), wraps, u, v)[..., 0])
-        on_front = np.abs(hits.place[..., 2] - at) < 1e-9
+        u, v, z = np.moveaxis(hits.place + (depth - hits.truth.depth)[..., None] * hits.rate, -1, 0)
+        off = np.abs(z - oracle.read(front.reshape(*posed.source.height.shape, 1), wraps, u, v)[..., 0])
+        on_front = np.abs(hits.place[..., 2] - at[..., 0]) < 1e-9
     return np.where(on_front, off * posed.source.thickness / hits.texel, np.nan)
 
 
 def _limits(limit: Limit, posed: PosedMesh, hits: oracle.Hits) -> Limits:
     """Return the limit with what float32 depth and the steps of stored heights add."""
     seen, thickness = np.isfinite(hits.truth.depth), posed.source.thickness
-    rounding, stored = 0.0, 0.0
+    rounding, stored, across = 0.0, 0.0, 0.0
     if seen.any():
         way, texel = ray_lengths(posed.shot.camera)[seen], hits.texel[seen]
-        rounding = float((ULPS * np.spacing(hits.truth.depth[seen].astype(np.float32)) * way / texel).max())
+        unit = ULPS * np.spacing(hits.truth.depth.astype(np.float32)).astype(np.float64)
+        rounding = float((unit[seen] * way / texel).max())
+        front = oracle.relief_of(posed.source).front
+        ends = [_off(posed, hits, hits.truth.depth + sign * unit, front) for sign in (-1.0, 1.0)]
+        across = float(np.nanmax(np.stack(ends), initial=0.0))  # slivers: the texture runs by within a unit of depth
         step = 0.5 / (2**posed.bits - 1) if posed.bits < 32 else float(np.spacing(np.float32(1.0)))
         stored = step * thickness / float(texel.min())
     return Limits(
@@ -170,6 +178,6 @@ def _limits(limit: Limit, posed: PosedMesh, hits: oracle.Hits) -> Limits:
         wrong=finite(limit.wrong),
         gross=finite(limit.gross),
         codes_p99=finite(limit.codes_p99),
-        meant=finite(limit.texels + rounding + stored),
+        meant=finite(limit.texels + max(rounding, across) + stored),
         reason=limit.reason,
     )

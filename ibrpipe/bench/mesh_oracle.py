@@ -5,7 +5,7 @@ Written from ``docs/renderers/relief.md``, in NumPy; nothing of the renderer's k
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -20,6 +20,8 @@ CREASE_DEG = 40.0
 FACING = 0.5
 #: how far beyond the surface a root may lie by rounding and still be on it, of the depth
 ROUNDING = 1e-12
+#: how far below the surface a ray is inside for sure, of the depth
+BELOW = 1e-7
 #: vertices of the tetrahedra of a prism: (corner by number, 0 top or 1 bottom)
 TETRAHEDRA = (((0, 0), (1, 0), (2, 0), (2, 1)), ((0, 0), (1, 0), (1, 1), (2, 1)), ((0, 0), (0, 1), (1, 1), (2, 1)))
 
@@ -71,13 +73,18 @@ class Hits:
 
 
 def cast_relief(source: ReliefMesh, relief: Relief, camera: Camera, model: str) -> Hits:
-    """Cast all pixel centres, with the range that rounding excuses; `model` is "flat" or "shell"."""
+    """Cast all pixel centres, with the range that rounding excuses; `model` is "flat" or "shell".
+
+    Where prisms of a shell overlap, a ray may come into one through an inner side that lies below its surface: there
+    that side may be hit, or the first surface that the ray comes to from outside; the range of such a pixel holds both.
+    """
     cast = partial(_cast, _flat_lines(source) if model == "flat" else _shell_lines(source))
     grid = pixel_centers(camera)
     depth, face, place, rate = cast(relief, camera, grid)
+    overlap = [cast(relief, camera, grid, strict=True)[0]] if model == "shell" else []
     moves = [(0.0, DOUBT * np.array(way)) for way in ((1, 0.7), (-1, -0.7))]
     moves += [(DOUBT, np.zeros(2)), (-DOUBT, np.zeros(2))]
-    found = np.stack([depth, *(cast(relief.moved(move), camera, grid + shift)[0] for move, shift in moves)])
+    found = np.stack([depth, *overlap, *(cast(relief.moved(move), camera, grid + shift)[0] for move, shift in moves)])
     shape = (camera.height, camera.width)
     parts = (depth, face, np.where(face < 0, -1, 0), found.min(axis=0), found.max(axis=0))
     truth = Truth(*(part.reshape(shape) for part in parts))
@@ -96,22 +103,32 @@ def texel_sizes(source: ReliefMesh) -> Array:
 
 
 #: from the eye, the rays (P, 3) and the texels (2,) to what they may meet: number of the face; which rays (N,); depth
-#: at w = 0 and per w (N,); place (x, y texels, z) there and per w (N, 3); range of w (N,)
-Lines = Callable[[Array, Array, Array], Iterator[tuple[int, Array, Array, Array, Array, Array, Array, Array]]]
+#: at w = 0 and per w (N,); place (x, y texels, z) there and per w (N, 3); range of w (N,); whether the solid may begin
+#: where the range does (N,)
+Lines = Callable[[Array, Array, Array], Iterator[tuple[int, Array, Array, Array, Array, Array, Array, Array, Array]]]
 
 
-def _cast(lines: Lines, relief: Relief, camera: Camera, pixels: Array) -> tuple[Array, Array, Array, Array]:
+def _cast(
+    lines: Lines, relief: Relief, camera: Camera, pixels: Array, strict: bool = False
+) -> tuple[Array, Array, Array, Array]:
+    """Return depth, number of the face, place and its rate; `strict`: the solid begins only where it may."""
     ways = np.column_stack([pixels, np.ones(len(pixels))]) @ camera.world_from_pixel.T
     depth, face = np.full(len(pixels), np.inf), np.full(len(pixels), -1)
     place, rate = np.full((len(pixels), 3), np.nan), np.full((len(pixels), 3), np.nan)
     unit = np.array([*relief.size, 1.0])
-    for number, rays, at, per, start, way, begin, end in lines(camera.center, ways, relief.size):
+    for number, rays, at, per, start, way, begin, end, free in lines(camera.center, ways, relief.size):
+        first = begin
         if not relief.wraps:
             for axis in (0, 1):
                 begin, end = _clip(start[:, axis] + 0.5, way[:, axis], relief.size[axis], begin, end)
         w = np.full(len(rays), np.inf)
         some = begin <= end
         w[some] = first_inside(relief, start[some], way[some], begin[some], end[some])
+        if strict:
+            late = np.flatnonzero(some & ~free & (begin == first) & (w == begin))
+            below = first_inside(relief.moved(BELOW), start[late], way[late], begin[late], begin[late])
+            late = late[np.isfinite(below)]
+            w[late] = first_inside(relief, start[late], way[late], begin[late], end[late], entering=True)
         w[~way.any(axis=1)] = 0.0  # faces without relief
         met = np.isfinite(w)
         t = np.where(met, at + per * np.where(met, w, 0.0), np.inf)
@@ -132,8 +149,10 @@ def _clip(at: Array, way: Array, size: float, begin: Array, end: Array) -> tuple
     return begin, end
 
 
-def first_inside(relief: Relief, start: Array, way: Array, begin: Array, end: Array) -> Array:
-    """(N,) first w in [begin, end] at which ``start + w way`` (x, y texels, z) is inside; inf = nowhere."""
+def first_inside(relief: Relief, start: Array, way: Array, begin: Array, end: Array, entering: bool = False) -> Array:
+    """(N,) first w in [begin, end] at which ``start + w way`` (x, y texels, z) is inside (or comes in); inf = none."""
+    if not len(start):
+        return np.zeros(0)
     cuts = [begin[:, None], end[:, None]]
     for axis in (0, 1):
         ends = start[:, axis] + np.stack([begin, end]) * way[:, axis]
@@ -157,6 +176,10 @@ def first_inside(relief: Relief, start: Array, way: Array, begin: Array, end: Ar
     trial = np.stack([np.zeros_like(low), *(root for gap in gaps for root in _roots(*gap))])
     with np.errstate(invalid="ignore"):
         good = (trial >= 0) & (trial <= length)
+        if entering:
+            good[0] = False
+            for k, (A, B, _) in enumerate(gaps):
+                good[1 + 2 * k : 3 + 2 * k] &= 2 * A * trial[1 + 2 * k : 3 + 2 * k] + B > 0
         for A, B, C in gaps:
             good &= (A * trial + B) * trial + C >= -ROUNDING
     found = np.where(good, low + trial, np.inf).min(axis=0)
@@ -247,7 +270,8 @@ def _flat_lines(source: ReliefMesh) -> Lines:
             way[able] = np.linalg.solve(frame[able], w[able, :, None])[..., 0]
             fall = np.where(able, way[:, 2], 1.0)
             way = np.column_stack([way[:, :2] * size / fall[:, None], np.where(able, 1.0, 0.0)])
-            yield f, rays, t, 1.0 / fall, start, way, np.zeros(len(rays)), np.where(able, 1.0, 0.0)
+            free = np.ones(len(rays), bool)
+            yield f, rays, t, 1.0 / fall, start, way, np.zeros(len(rays)), np.where(able, 1.0, 0.0), free
 
     return lines
 
@@ -276,6 +300,7 @@ def _shell_lines(source: ReliefMesh) -> Lines:
     np.add.at(total, same[faces], one)
     normals = _unit(total).astype(np.float32).astype(np.float64)[same[faces]]
     ranks = np.argsort(first[same[faces]], axis=1)
+    walls = _walls(same[faces], source.uv)
 
     def lines(eye: Array, ways: Array, size: Array) -> Iterator[tuple]:
         for f, tetra in ((f, tetra) for f in range(len(faces)) for tetra in TETRAHEDRA):
@@ -288,7 +313,9 @@ def _shell_lines(source: ReliefMesh) -> Lines:
             at, way = inverse[:, 3], ways @ inverse[:, :3].T
             with np.errstate(divide="ignore", invalid="ignore"):
                 cut = -at / way
-            begin = np.where(way > 0, cut, 0.0).max(axis=1, initial=0.0)
+            entries = np.where(way > 0, cut, 0.0)
+            begin = entries.max(axis=1, initial=0.0)
+            free = np.array([_is_free(tetra, k, walls[f], ranks[f]) for k in range(4)])[entries.argmax(axis=1)]
             end = np.where(way < 0, cut, np.inf).min(axis=1)
             end = np.where(((way == 0) & (at < 0)).any(axis=1), -1.0, end)
             rays = np.flatnonzero(begin <= end)
@@ -296,9 +323,34 @@ def _shell_lines(source: ReliefMesh) -> Lines:
                 texture = np.column_stack([source.uv[f, c] * size - 0.5, floor])
                 start = np.broadcast_to(at @ texture, (len(rays), 3))
                 none = np.zeros(len(rays))
-                yield f, rays, none, none + 1.0, start, way[rays] @ texture, begin[rays], end[rays]
+                free = free[rays] & (begin[rays] > 0)
+                yield f, rays, none, none + 1.0, start, way[rays] @ texture, begin[rays], end[rays], free
 
     return lines
+
+
+def _walls(faces: Array, uv: Array) -> Array:
+    """(F, 3) bool: whether the texture ends at the edge from corner c to the next: no other face, or several."""
+    found = np.ones(faces.shape, bool)
+    for f, c in np.ndindex(*faces.shape):
+        ends = faces[f, c], faces[f, (c + 1) % 3]
+        has = [(faces == end).any(axis=1) for end in ends]
+        others = [g for g in np.flatnonzero(has[0] & has[1]) if g != f]
+        if len(others) == 1 and ends[0] != ends[1]:
+            places = [int(np.flatnonzero(faces[others[0]] == end)[0]) for end in ends]
+            shift = uv[others[0], places] - uv[f, [c, (c + 1) % 3]]
+            whole = np.abs(shift - np.round(shift)).max() < 1e-9
+            found[f, c] = not (whole and np.abs(shift[0] - shift[1]).max() < 1e-9)
+    return found
+
+
+def _is_free(tetra: Sequence[tuple[int, int]], gate: int, walls: Array, rank: Array) -> bool:
+    """Say whether the solid may begin at the face opposite to vertex `gate`: the prism's top, or a wall."""
+    rest = [vertex for k, vertex in enumerate(tetra) if k != gate]
+    corners = sorted({int(rank[corner]) for corner, _ in rest})
+    if len(corners) == 2:
+        return bool(walls[corners[0] if corners[1] - corners[0] == 1 else corners[1]])
+    return all(floor == 0 for _, floor in rest)
 
 
 def read(picture: Array, wraps: bool, u: Array, v: Array) -> Array:

@@ -122,17 +122,6 @@ MESH_STEPS = {
     "mesh-": Limit(ANY, ANY, ANY, 0.16, 0.16, ANY, STEPS.reason),
     "mesh-dual-thin": Limit(ANY, ANY, ANY, 0.55, 0.55, ANY, "published search: a wall thinner than a step is missed"),
 }
-OVERLAPS = {
-    "mesh-degenerate-slivers": Limit(
-        ANY,
-        1e-3,
-        1e-2,
-        2e-3,
-        2e-3,
-        0.6,
-        "the prisms below a sliver and beside it overlap: where they do, in a pixel or two, either may be hit",
-    )
-}
 
 LINES = Limit(
     ANY, ANY, ANY, 0.2, 0.02, ANY,
@@ -174,7 +163,7 @@ SETTINGS: tuple[Setting, ...] = (
         True,
         quick=False,
     ),
-    Setting("relief", "relief shell", {"model": "shell"}, special=OVERLAPS, meshes=True),
+    Setting("relief", "relief shell", {"model": "shell"}, meshes=True),
     Setting("prewarp", "prewarp", {"method": "two-pass"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
     Setting("prewarp", "prewarp pipelined", {"method": "pipelined"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
     Setting("prewarp", "prewarp area", {"filter": "area"}, SAMPLED, TOUCHED | CLIFF, first_layer=True, quick=False),

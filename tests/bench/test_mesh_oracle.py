@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 import relief_mesh_twin as twin
 
 from ibrpipe.bench import mesh_oracle as oracle
 from ibrpipe.bench.cases import choose_cases
+from ibrpipe.bench.oracle import pixel_centers
 
 TWIN = {"flat": lambda source, camera: twin.cast(source, camera)[0], "shell": twin.cast_shell}
 
@@ -53,3 +56,24 @@ def test_doubt_covers_the_edge_of_a_polygon():
     shot = choose_cases(["mesh-surface-highest"])[0].build()
     hits = oracle.cast_relief(shot.source, oracle.relief_of(shot.source), shot.camera, "flat")
     assert (~hits.truth.clear(1e-3 * hits.texel)).sum() <= 2
+
+
+def test_doubt_where_prisms_overlap_and_nowhere_else():
+    """Slivers fold the shell: two pixels come into a prism below its surface; a sound shell has none such."""
+    for name, folded in (("mesh-degenerate-slivers", 2), ("mesh-tiled", 0), ("mesh-uv-mirrored", 0)):
+        shot = choose_cases([name])[0].build()
+        cast = partial(oracle._cast, oracle._shell_lines(shot.source), oracle.relief_of(shot.source), shot.camera)
+        plain, strict = (cast(pixel_centers(shot.camera), strict=strict)[0] for strict in (False, True))
+        assert (strict >= plain).all()
+        assert (strict > plain + 1e-6).sum() == folded
+
+
+def test_the_solid_may_begin_at_the_top_at_borders_and_at_seams():
+    faces = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4], [5, 5, 6]])
+    places = np.array([(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (8, 8), (9, 9)], float)
+    uv = places[faces] + np.array([0.0, 2.0, 0.3, 0.0])[:, None, None]
+    walls = oracle._walls(faces, uv)
+    assert walls.tolist() == [[True, False, True], [False, True, True], [True, True, True], [True, True, True]]
+    rank, prism = np.arange(3), oracle.TETRAHEDRA[0]
+    assert oracle._is_free(prism, 3, walls[0], rank)  # through the top
+    assert [oracle._is_free(prism, gate, walls[0], rank) for gate in (0, 1, 2)] == [False, True, False]
