@@ -331,14 +331,14 @@ def _shell_lines(source: ReliefMesh) -> Lines:
 
 def _walls(faces: Array, uv: Array) -> Array:
     """(F, 3) bool: whether the texture ends at the edge from corner c to the next: no other face, or several."""
-    found = np.ones(faces.shape, bool)
+    found, sides = np.ones(faces.shape, bool), np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)
+    ends = np.stack([uv, np.roll(uv, -1, axis=1)], axis=2)
     for f, c in np.ndindex(*faces.shape):
-        ends = faces[f, c], faces[f, (c + 1) % 3]
-        has = [(faces == end).any(axis=1) for end in ends]
-        others = [g for g in np.flatnonzero(has[0] & has[1]) if g != f]
-        if len(others) == 1 and ends[0] != ends[1]:
-            places = [int(np.flatnonzero(faces[others[0]] == end)[0]) for end in ends]
-            shift = uv[others[0], places] - uv[f, [c, (c + 1) % 3]]
+        same, turned = (sides == sides[f, c]).all(axis=2), (sides == sides[f, c, ::-1]).all(axis=2)
+        others = np.argwhere(same | turned)
+        if len(others) == 2 and sides[f, c, 0] != sides[f, c, 1]:
+            g, d = others[0] if tuple(others[1]) == (f, c) else others[1]
+            shift = (ends[g, d, ::-1] if turned[g, d] else ends[g, d]) - ends[f, c]
             whole = np.abs(shift - np.round(shift)).max() < 1e-9
             found[f, c] = not (whole and np.abs(shift[0] - shift[1]).max() < 1e-9)
     return found

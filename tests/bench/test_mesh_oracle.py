@@ -73,7 +73,7 @@ def test_the_solid_may_begin_at_the_top_at_borders_and_at_seams():
     places = np.array([(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (8, 8), (9, 9)], float)
     uv = places[faces] + np.array([0.0, 2.0, 0.3, 0.0])[:, None, None]
     walls = oracle._walls(faces, uv)
-    assert walls.tolist() == [[True, False, True], [False, True, True], [True, True, True], [True, True, True]]
+    assert walls.tolist() == [[True, False, True], [False, True, True], [True, True, True], [True, False, False]]
     rank, prism = np.arange(3), oracle.TETRAHEDRA[0]
     assert oracle._is_free(prism, 3, walls[0], rank)  # through the top
     assert [oracle._is_free(prism, gate, walls[0], rank) for gate in (0, 1, 2)] == [False, True, False]
