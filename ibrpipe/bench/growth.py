@@ -71,15 +71,25 @@ def _grow(
     contenders: Sequence[Contender], sizes: Sequence[int], seconds: float, series: dict[str, str]
 ) -> list[Growth]:
     made = {n: _prepared(contenders, n) for n in sizes}
-    best: dict[tuple[str, str], dict[int, float]] = {}
+    best: dict[tuple[str, str], dict[int, list[float]]] = {}
     for _, n in track([(turn, n) for turn in range(ROUNDS) for n in sizes], "growth"):
         cameras = region_views(n)
         for name, region in series.items():
             draws = {label: each.depth(cameras[region]) for label, each in made[n].items() if each.depth}
             for label, taken in interleave(draws, FRAMES, seconds / ROUNDS).items():
-                mine = best.setdefault((name, label), {})
-                mine[n] = min(taken.fastest, mine.get(n, math.inf))
-    return [_curve(name, label, list(mine), list(mine.values())) for (name, label), mine in best.items()]
+                best.setdefault((name, label), {}).setdefault(n, []).append(taken.fastest)
+    return [
+        _curve(
+            name, label, list(mine), [min(each) for each in mine.values()], [_spread(each) for each in mine.values()]
+        )
+        for (name, label), mine in best.items()
+    ]
+
+
+def _spread(times: Sequence[float]) -> float:
+    """Return by how much the rounds differ: the range of all but the slowest over the least."""
+    ordered = sorted(times)
+    return (ordered[max(len(ordered) - 2, 0)] - ordered[0]) / ordered[0]
 
 
 def _prepared(contenders: Sequence[Contender], n: int) -> dict[str, Ready]:
@@ -88,7 +98,7 @@ def _prepared(contenders: Sequence[Contender], n: int) -> dict[str, Ready]:
     return {label: each for label, each in found.items() if each is not None and each.depth}
 
 
-def _curve(series: str, contender: str, sizes: list[int], times: list[float]) -> Growth:
+def _curve(series: str, contender: str, sizes: list[int], times: list[float], spread: Sequence[float] = ()) -> Growth:
     pairs = list(zip(sizes, times))
     doublings = [(b[1] / a[1]) ** (1.0 / math.log2(b[0] / a[0])) for a, b in pairwise(pairs)]
     return Growth(
@@ -98,4 +108,5 @@ def _curve(series: str, contender: str, sizes: list[int], times: list[float]) ->
         milliseconds=times,
         slope=slope(sizes, times),
         doublings=doublings,
+        spread=list(spread),
     )

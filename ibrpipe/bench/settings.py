@@ -68,6 +68,8 @@ class Setting:
         Takes part in the quick preset of ``speed-error``.
     meshes : bool
         Only for relief-mapped meshes: takes part in their hard cases alone.
+    hard : bool
+        Takes part in the hard cases; without, only in ``speed-error``: it is meant to be coarser.
     """
 
     renderer: str
@@ -79,6 +81,7 @@ class Setting:
     refuses: str = ""
     quick: bool = True
     meshes: bool = False
+    hard: bool = True
 
     def limit_for(self, case: str) -> Limit:
         """Return the limit of a case: the longest entry of `special` that its name begins with, else `limit`."""
@@ -168,11 +171,22 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("prewarp", "prewarp pipelined", {"method": "pipelined"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
     Setting("prewarp", "prewarp area", {"filter": "area"}, SAMPLED, TOUCHED | CLIFF, first_layer=True, quick=False),
     Setting("prewarp", "prewarp 8-bit", {"depth_bits": 8}, SAMPLED, TOUCHED | STEEP, first_layer=True, quick=False),
+    Setting("prewarp", "prewarp level 1", {"level": 1}, quick=False, hard=False),
+    Setting("prewarp", "prewarp parted", {"max_step": 4.0}, quick=False, hard=False),
+    Setting("splat", "splat 2 texels", {"footprint": 2.0}, quick=False, hard=False),
+    Setting(
+        "relief",
+        "relief 64+8",
+        {"search": "linear-binary", "linear_steps": 64},
+        first_layer=True,
+        quick=False,
+        hard=False,
+    ),
 )
 
 
-def choose_settings(renderers: Sequence[str] = ()) -> list[Setting]:
-    """Return the settings of the registered renderers, or of those named.
+def choose_settings(renderers: Sequence[str] = (), speed: bool = False) -> list[Setting]:
+    """Return the settings of the registered renderers, or of those named; with `speed`, those that are coarser too.
 
     Raises
     ------
@@ -181,7 +195,9 @@ def choose_settings(renderers: Sequence[str] = ()) -> list[Setting]:
     """
     known = registered()
     found = [
-        each for each in SETTINGS if each.renderer in known and set(each.options) <= set(known[each.renderer].options)
+        each
+        for each in SETTINGS
+        if each.renderer in known and set(each.options) <= set(known[each.renderer].options) and (each.hard or speed)
     ]
     named = {each.renderer for each in found}
     found += [Setting(name, name) for name in known if name not in named]

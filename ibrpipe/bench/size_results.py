@@ -47,7 +47,7 @@ class Table2Model(_Record):
 class GrowthModel(_Record):
     """Time against size for each region of the epipole."""
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     machine: Machine = Field(description="Processor, threads, versions")
     contenders: list[ContenderFacts] = Field(description="Who took part")
     growth: list[Growth] = Field(description="Time against size")

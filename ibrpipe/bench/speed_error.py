@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from statistics import median
 from time import perf_counter
 from typing import Literal
@@ -17,7 +18,7 @@ from ibrpipe.bench.measure import ErrorMaps, Errors, measure, ray_lengths
 from ibrpipe.bench.settings import Setting
 from ibrpipe.bench.speed_results import ContenderFacts, Growth, Preparation, Score, SpeedErrorModel, Timing, WorkFacts
 from ibrpipe.bench.timing import Times, interleave
-from ibrpipe.bench.workloads import Workload, bumpy_torus, height_field, object_of, strided
+from ibrpipe.bench.workloads import FIRST, Workload, bumpy_torus, height_field, object_of, strided
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.progress import track
 from ibrpipe.stages.machine import describe_machine
@@ -99,9 +100,12 @@ def run_speed_error(
     began, contenders = perf_counter(), all_contenders(settings, preset.name == "quick")
     run = _Gathered()
     objects = [("torus", bumpy_torus(120 if preset.name == "quick" else 400)), *([mesh] if mesh else [])]
-    jobs = [("", None, n) for n in preset.fields] + [(name, each, n) for name, each in objects for n in preset.objects]
-    for name, each, n in track(jobs, "speed and error"):
-        work = height_field(n, preset.width) if each is None else object_of(each, name, n, preset.width)
+    jobs = [partial(height_field, n, preset.width) for n in preset.fields]
+    for name, each in objects:
+        jobs += [partial(object_of, each, name, n, preset.width) for n in preset.objects]
+        jobs.append(partial(object_of, each, name, preset.objects[-1], preset.width, first=True))
+    for make in track(jobs, "speed and error"):
+        work = make()
         _render_all(work, contenders, preset, run)
         if keep is not None:
             keep(_model(run, contenders, preset, [], began))
@@ -159,7 +163,11 @@ def _render_all(work: Workload, contenders: Sequence[Contender], preset: Preset,
             score, maps = _scored(work, view, contender, ready[contender.label].frame(camera), truths)
             name = contender.label
             run.scores.append(score.model_copy(update={"depth": depth.get(name), "both": both.get(name)}))
-            if view in SHOWN and work.n == _middle(preset.fields if work.kind == "height field" else preset.objects):
+            if (
+                view in SHOWN
+                and not work.name.endswith(FIRST)
+                and work.n == _middle(preset.fields if work.kind == "height field" else preset.objects)
+            ):
                 run.shown.append(Shown(work.name, view, name, maps.texels.astype(np.float32), maps.wrong))
 
 

@@ -83,6 +83,10 @@ class Growth(_Record):
     milliseconds: list[float] = Field(description="Fastest frame with depth alone")
     slope: float | None = Field(description="Exponent p of time ~ n^p; 2 = linear in the number of texels")
     doublings: list[float] = Field(description="Factor of time from each size to the next")
+    spread: list[float] = Field(
+        [],
+        description="By size: range of several rounds' fastest frames but the slowest, over the least; empty = one",
+    )
 
 
 class Choice(_Record):
@@ -100,7 +104,7 @@ class Choice(_Record):
 class SpeedErrorModel(_Record):
     """Speed against error of all contenders in one interleaved run."""
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     machine: Machine = Field(description="Processor, threads, versions")
     preset: Literal["quick", "full"] = Field(description="Sizes and repeats")
     width: int = Field(description="Width of the pictures")

@@ -18,6 +18,8 @@ from ibrpipe.types import Array, Camera, LayeredDepthImage, Mesh, ParallelFrame,
 AMPLITUDE = 0.15
 #: cells along each side from which height fields of all sizes are taken
 FINEST = 2048
+#: what the name of an object ends in of which only the first layers are kept
+FIRST = ", first layers"
 #: samples along each side of a pixel for the true colour, and every how many pixels it is compared
 SUPERSAMPLES, STRIDE = 4, 4
 
@@ -206,16 +208,24 @@ def bumpy_torus(steps: int = 400) -> Mesh:
     return Mesh(points.reshape(-1, 3), faces.astype(np.int32))
 
 
-def object_of(mesh: Mesh, name: str, n: int, width: int) -> Workload:
-    """Return six layered images of a mesh, n texels along its longest side, seen from two sides."""
+def object_of(mesh: Mesh, name: str, n: int, width: int, first: bool = False) -> Workload:
+    """Return six layered images of a mesh, or their first layers, n texels along its longest side; two views."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
     views = {
         label: Camera.look_at(middle + size * np.array(way), middle, (0, 0, 1), 50.0, width, width * 3 // 4)
         for label, way in (("corner", (0.75, 0.55, 0.6)), ("side", (0.1, -1.05, 0.15)))
     }
-    sources = tuple(six_faces(mesh, n, size))
-    return Workload(f"{name} {n}", "object", n, sources, mesh, size, views)
+    sources = tuple(_first_layer(each) if first else each for each in six_faces(mesh, n, size))
+    return Workload(f"{name} {n}{FIRST if first else ''}", "object", n, sources, mesh, size, views)
+
+
+def _first_layer(layers: LayeredDepthImage) -> LayeredDepthImage:
+    counts = np.minimum(np.diff(layers.offsets, axis=1), 1)
+    kept = layers.offsets[:, :-1][counts > 0]
+    ends = np.cumsum(counts).reshape(counts.shape)
+    offsets = np.concatenate([np.r_[0, ends[:-1, -1]][:, None], ends], axis=1)
+    return LayeredDepthImage(layers.frame, offsets, layers.depth[kept], layers.color[kept], layers.normal[kept])
 
 
 def six_faces(mesh: Mesh, n: int, size: float, steepest_deg: float = 70.0) -> list[LayeredDepthImage]:

@@ -97,7 +97,7 @@ def speed_error(out: Path, renderers: tuple[str, ...], mesh: Path | None, quick:
     from ibrpipe.io.manifest import write_json
     from ibrpipe.io.meshes import read_mesh
 
-    settings = choose_settings(renderers)
+    settings = choose_settings(renderers, speed=True)
     given = (mesh.stem, read_mesh(mesh)) if mesh else None
     out.mkdir(parents=True, exist_ok=True)
     partial = out / "speed_error.partial.json"

@@ -13,6 +13,7 @@ from ibrpipe.bench.advice import NEEDS, advise, choose_winners
 from ibrpipe.bench.report.plots import _front
 from ibrpipe.bench.report.speed_page import recommended
 from ibrpipe.bench.report.template import figure, share
+from ibrpipe.bench.settings import choose_settings
 from ibrpipe.bench.speed_results import Score, SpeedErrorModel, Timing, WorkFacts
 from ibrpipe.bench.timing import interleave, slope
 from ibrpipe.bench.workloads import bumpy_torus, height_field, object_of, region_views
@@ -75,6 +76,7 @@ def test_growth_has_slopes_for_sizes_and_regions(quick):
     assert len([name for name in series if name.startswith("epipole ")]) == 9
     for curve in model.growth:
         assert curve.slope is not None
+        assert len(curve.spread) == (0 if curve.series == "texels grow" else len(curve.sizes))
         assert len(curve.doublings) == len(curve.sizes) - 1
 
 
@@ -163,6 +165,20 @@ def test_region_views_put_the_eye_beyond_each_side():
     np.testing.assert_allclose(feet["within middle"], 0.5)
     assert feet["above left"].max() < 0
     assert feet["below right"].min() > 1
+
+
+def test_first_layers_are_the_nearest_samples():
+    whole, first = (object_of(bumpy_torus(60), "torus", 24, 32, first=only).sources for only in (False, True))
+    for one, other in zip(whole, first, strict=True):
+        counts = np.diff(one.offsets, axis=1)
+        np.testing.assert_array_equal(np.diff(other.offsets, axis=1), counts > 0)
+        np.testing.assert_array_equal(other.depth, [one.depth[k] for k in one.offsets[:, :-1][counts > 0]])
+    assert sum(len(each.depth) for each in first) < sum(len(each.depth) for each in whole)
+
+
+def test_coarser_settings_take_part_in_speed_alone():
+    hard, speed = ({each.label for each in choose_settings(speed=speed)} for speed in (False, True))
+    assert speed - hard == {"prewarp level 1", "prewarp parted", "splat 2 texels", "relief 64+8"}
 
 
 def test_layers_of_an_object_lie_on_its_mesh():

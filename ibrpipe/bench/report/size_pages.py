@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrpipe.bench.growth import ROUNDS
 from ibrpipe.bench.report.plots import region_plot, styles, table2_plot
 from ibrpipe.bench.report.template import fill, picture
 from ibrpipe.bench.size_results import GrowthModel, Table2Model, Table2Row
@@ -54,5 +55,5 @@ def write_growth_page(path: Path, model: GrowthModel) -> None:
     regions = list(dict.fromkeys(curve.series.removeprefix("epipole ") for curve in model.growth))
     plots = [Markup(region_plot(mine)) for mine in curves.values() if mine]
     colors = {label: color for label, (color, _) in styles(model.contenders).items()}
-    page = fill("growth.html", model=model, curves=curves, plots=plots, regions=regions, colors=colors)
+    page = fill("growth.html", model=model, curves=curves, plots=plots, regions=regions, colors=colors, rounds=ROUNDS)
     path.write_text(page, encoding="utf-8")

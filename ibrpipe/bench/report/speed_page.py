@@ -13,6 +13,7 @@ from ibrpipe.bench.report.plots import growth_plot, pareto_plot, region_plot, st
 from ibrpipe.bench.report.template import figure, fill, share
 from ibrpipe.bench.speed_error import SpeedRun
 from ibrpipe.bench.speed_results import Score, SpeedErrorModel, WorkFacts
+from ibrpipe.bench.workloads import FIRST
 
 
 def write_speed_page(path: Path, run: SpeedRun) -> None:
@@ -25,6 +26,7 @@ def write_speed_page(path: Path, run: SpeedRun) -> None:
             needs=NEEDS,
             recommended=recommended(model),
             prices=_prices(model),
+            layers=_layers(model),
             advice=_advice(model),
             paretos=_paretos(model),
             growth=_growth(model),
@@ -108,8 +110,26 @@ def shown_works(model: SpeedErrorModel) -> list[WorkFacts]:
     """Return the smallest, middle and largest height field, and the largest of each object."""
     fields = [work for work in model.works if work.kind == "height field"]
     chosen = {n: fields[n] for n in (0, len(fields) // 2, len(fields) - 1)} if fields else {}
-    objects = {work.name.rpartition(" ")[0]: work for work in model.works if work.kind == "object"}
+    objects = _objects(model)
     return [*chosen.values(), *objects.values()]
+
+
+def _objects(model: SpeedErrorModel) -> dict[str, WorkFacts]:
+    """Return the largest of each object, all layers, by name."""
+    whole = [work for work in model.works if work.kind == "object" and not work.name.endswith(FIRST)]
+    return {work.name.rpartition(" ")[0]: work for work in whole}
+
+
+def _layers(model: SpeedErrorModel) -> list[dict[str, Any]]:
+    """What all layers cost and bring beside the first alone: of every object, with the first setting of all."""
+    label, rows = model.contenders[0].label, []
+    for work in model.works:
+        whole = work.name.removesuffix(FIRST)
+        if work.kind == "object" and any(each.name == whole + FIRST for each in model.works):
+            mine = [s for s in model.scores if (s.work, s.contender) == (work.name, label)]
+            if mine:
+                rows.append({"work": work, "label": label, **_total(label, mine, 0.0, 0.0, model)})
+    return rows
 
 
 def _advice(model: SpeedErrorModel) -> list[dict[str, Any]]:
@@ -142,7 +162,7 @@ def _depth_cost(score: Score) -> str:
 
 def _paretos(model: SpeedErrorModel) -> list[dict[str, Any]]:
     fields = [work for work in model.works if work.kind == "height field"]
-    objects = {work.name.rpartition(" ")[0]: work for work in model.works if work.kind == "object"}
+    objects = _objects(model)
     middle = fields[len(fields) // 2]
     others = [work for work in (fields[0], fields[-1]) if work.name != middle.name]
     found = [_pareto(model, middle, colour, True) for colour in (False, True)]
