@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
 import yaml
 
-from ibrpipe.cli.options import PATH, example
+from ibrpipe.cli.options import PATH, example, json_option
 from ibrpipe.errors import ConfigError, MissingFileError
 
 
@@ -33,7 +34,9 @@ from ibrpipe.errors import ConfigError, MissingFileError
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the candidates that greedy chooses from.")
 @click.option("--frusta", type=PATH, metavar="FILE", help="Take these frusta (YAML: eye, target, up, fov) instead.")
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Asset folder to write; frusta.yaml goes into it.")
-def command(source: Path, maps: int, size: int, arrange: str, seed: int, frusta: Path | None, out: Path) -> None:
+def command(
+    source: Path, maps: int, size: int, arrange: str, seed: int, frusta: Path | None, out: Path, as_json: bool
+) -> None:
     """Cover MESH with few perspective depth images (schaufler1999), as an asset.
 
     Of a CAPTURE folder, the photos that have depth maps (depth/*.exr or .npy along camera z, beside images/) are
@@ -45,23 +48,31 @@ def command(source: Path, maps: int, size: int, arrange: str, seed: int, frusta:
     from ibrpipe.stages.depth_images import depth_images_asset
 
     if source.is_dir():
-        click.echo(_write_views(source, out))
+        count = _write_views(source, out)
+        click.echo(json.dumps({"maps": count}) if as_json else f"{out}: {count} depth images of the photos")
         return
-    whole, note = read_mesh(source), ""
+    whole = read_mesh(source)
     if frusta is not None:
         placed = placing.frusta_from_entries(_read(frusta))
     elif arrange == "cube":
         placed = placing.cube_frusta(whole)
     else:
-        placed, share = placing.greedy_frusta(whole, maps, seed)
-        note = f", {100 * share:.1f} % of the surface that can be seen"
+        placed = placing.greedy_frusta(whole, maps, seed)[0]
+    share = placing.covered_share(whole, placed, seed)
     write_asset(depth_images_asset(whole, placed, size, str(source)), out)
     placing.write_frusta(placed, out / "frusta.yaml")
-    click.echo(f"{out}: {len(placed)} depth images of {size} x {size}{note}")
+    if as_json:
+        click.echo(json.dumps({"maps": len(placed), "size": size, "covered": share}))
+    else:
+        covered = f"{100 * share:.1f} % of the surface that can be seen"
+        click.echo(f"{out}: {len(placed)} depth images of {size} x {size}, {covered}")
 
 
-def _write_views(capture: Path, out: Path) -> str:
-    """Write the asset of a capture's photos with depth maps; return what to say."""
+command.params.append(json_option)
+
+
+def _write_views(capture: Path, out: Path) -> int:
+    """Write the asset of a capture's photos with depth maps; return how many."""
     import numpy as np
 
     from ibrpipe.io.assets import write_asset
@@ -79,7 +90,7 @@ def _write_views(capture: Path, out: Path) -> str:
         color, mask = load_view(view)
         images.append(DepthImage(view.camera, color, np.where(mask >= 0.5, load_depth(view), np.inf)))
     write_asset(asset_of_views(images, [view.name for view in views], str(capture)), out)
-    return f"{out}: {len(images)} depth images of the photos"
+    return len(images)
 
 
 def _read(path: Path) -> object:

@@ -10,6 +10,7 @@ that they are pictures of what an eye outside sees.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -111,20 +112,48 @@ def greedy_frusta(mesh: Mesh, count: int, seed: int = 0) -> tuple[tuple[Frustum,
     """
     if count < 1:
         raise ValueRangeError(f"{count} depth images cannot cover anything; give at least 1")
+    survey = _survey(mesh, seed)
+    done = np.zeros(len(survey.points), bool)
+    chosen: list[Frustum] = []
+    while len(chosen) < count:
+        gains = (survey.seen & ~done).sum(axis=1)
+        best = int(np.argmax(gains))
+        if gains[best] < max(1.0, GAIN * len(done)):
+            break
+        chosen.append(survey.candidates[best])
+        done |= survey.seen[best]
+    return tuple(chosen), _share(done, np.asarray(survey.seen.any(axis=0)))
+
+
+def covered_share(mesh: Mesh, frusta: Sequence[Frustum], seed: int = 0) -> float:
+    """Return the share of the surface that these frusta see, of what they and the greedy candidates can see."""
+    survey = _survey(mesh, seed)
+    own = [_covered(survey.caster, frustum, survey.points, survey.normals) for frustum in frusta]
+    done = np.any(own, axis=0)
+    return _share(done, survey.seen.any(axis=0) | done)
+
+
+@dataclass(frozen=True, eq=False)
+class _Survey:
+    """Points (N, 3) of a mesh with normals, and which candidates (C) see which of them (C, N)."""
+
+    caster: MeshCaster
+    points: Array
+    normals: Array
+    candidates: list[Frustum]
+    seen: Array
+
+
+def _survey(mesh: Mesh, seed: int) -> _Survey:
     caster, rng = MeshCaster(mesh), np.random.default_rng(seed)
     points, normals = _surface_points(mesh, caster, rng)
     candidates = _candidates(mesh, points, normals, rng)
     seen = np.stack([_covered(caster, frustum, points, normals) for frustum in candidates])
-    reachable, done = seen.any(axis=0), np.zeros(len(points), bool)
-    chosen: list[Frustum] = []
-    while len(chosen) < count:
-        gains = (seen & ~done).sum(axis=1)
-        best = int(np.argmax(gains))
-        if gains[best] < max(1.0, GAIN * len(points)):
-            break
-        chosen.append(candidates[best])
-        done |= seen[best]
-    return tuple(chosen), float(done.sum() / max(int(reachable.sum()), 1))
+    return _Survey(caster, points, normals, candidates, seen)
+
+
+def _share(done: Array, reachable: Array) -> float:
+    return float(done.sum() / max(int(reachable.sum()), 1))
 
 
 def _sphere(mesh: Mesh) -> tuple[Array, float]:

@@ -16,7 +16,7 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import read_views
-from ibrpipe.stages.frusta import Frustum, cube_frusta, greedy_frusta, write_frusta
+from ibrpipe.stages.frusta import Frustum, covered_share, cube_frusta, greedy_frusta, write_frusta
 from ibrpipe.stages.measure import (
     Appearance,
     SurfaceSample,
@@ -123,12 +123,19 @@ def place(config: PlanConfig, caster: MeshCaster, texel: float, seed: int = 0) -
     """Place the textures: by the user's hand, on the faces of the bounding box, or as perspective images round it."""
     if config.rectangles or config.frusta:
         by_hand = [sized(rectangle, texel) for rectangle in config.rectangles]
-        return _with_frusta(by_hand, config.frusta, "placed by the pipeline file", caster, texel)
+        why = "placed by the pipeline file"
+        if config.frusta:
+            seen = 100 * covered_share(caster.mesh, config.frusta, seed)
+            why += f"; the perspective images see {seen:.1f} % of the surface that can be seen"
+        return _with_frusta(by_hand, config.frusta, why, caster, texel)
     if config.arrange == "cube":
-        return _with_frusta([], cube_frusta(caster.mesh), "perspective images along the axes", caster, texel)
+        cube = cube_frusta(caster.mesh)
+        seen = 100 * covered_share(caster.mesh, cube, seed)
+        why = f"perspective images along the axes that see {seen:.1f} % of the surface that can be seen"
+        return _with_frusta([], cube, why, caster, texel)
     if config.arrange == "greedy":
         frusta, share = greedy_frusta(caster.mesh, config.maps, seed)
-        why = f"perspective images that cover {100 * share:.1f} % of the surface that can be seen"
+        why = f"perspective images that see {100 * share:.1f} % of the surface that can be seen"
         return _with_frusta([], frusta, why, caster, texel)
     center, axes, half, why = bounding_box(caster.mesh)
     faces = box_faces(center, axes, half, texel)

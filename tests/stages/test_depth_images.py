@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import yaml
@@ -14,7 +16,14 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import ConfigError
 from ibrpipe.io.meshes import write_mesh
 from ibrpipe.stages.depth_images import depth_images_asset
-from ibrpipe.stages.frusta import cube_frusta, entries_from_frusta, frusta_from_entries, greedy_frusta
+from ibrpipe.stages.frusta import (
+    Frustum,
+    covered_share,
+    cube_frusta,
+    entries_from_frusta,
+    frusta_from_entries,
+    greedy_frusta,
+)
 from ibrpipe.types import Camera
 
 
@@ -52,6 +61,15 @@ def test_greedy_cover_grows_with_the_number_of_images():
     assert greedy_frusta(mesh, 6)[0] == six
 
 
+def test_coverage_of_any_frusta():
+    mesh = torus(24)
+    frusta, share = greedy_frusta(mesh, 4)
+    assert covered_share(mesh, frusta) == share
+    assert covered_share(mesh, frusta[:1]) < covered_share(mesh, frusta[:2]) < share
+    away = Frustum(eye=(9, 9, 9), target=(20, 20, 20))
+    assert covered_share(mesh, [away]) == 0.0
+
+
 def test_the_command_writes_an_asset_and_frusta_that_can_be_edited(tmp_path):
     write_mesh(torus(12), tmp_path / "torus.ply")
     words = ["depth-images", str(tmp_path / "torus.ply"), "--size", "24", "--maps", "3", "--out", str(tmp_path / "a")]
@@ -63,7 +81,10 @@ def test_the_command_writes_an_asset_and_frusta_that_can_be_edited(tmp_path):
     edited = tmp_path / "edited.yaml"
     edited.write_text(yaml.safe_dump([{**entries[0], "fov": 30.0}]))
     words = ["depth-images", words[1], "--size", "24", "--frusta", str(edited), "--out", str(tmp_path / "b")]
-    assert CliRunner().invoke(cli, words, catch_exceptions=False).exit_code == 0
+    told = CliRunner().invoke(cli, [*words, "--json"], catch_exceptions=False)
+    assert told.exit_code == 0
+    assert json.loads(told.output)["maps"] == 1
+    assert 0.05 < json.loads(told.output)["covered"] < 0.6
     frame = ibrpipe.read_asset(tmp_path / "b").textures[0].layers.frame
     np.testing.assert_allclose(2 * np.degrees(np.arctan(12 / frame.K[0, 0])), 30.0)
     missing = CliRunner().invoke(cli, [*words[:-3], str(tmp_path / "none.yaml"), "--out", str(tmp_path / "c")])
