@@ -166,6 +166,7 @@ def _log_sizes(axes: Any) -> None:
     axes.set_yscale("log")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.xaxis.set_minor_locator(NullLocator())
+    _plain_ticks(axes.yaxis, *axes.get_ylim())
 
 
 def _points(scores: Sequence[Score], colour: bool) -> dict[str, tuple[float, float]]:

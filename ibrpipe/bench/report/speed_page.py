@@ -185,7 +185,12 @@ def _safe(svg: str) -> Any:
 def _growth(model: SpeedErrorModel) -> dict[str, Any]:
     series = ["texels grow", "both grow"]
     rows = [curve for curve in model.growth if curve.series in series and curve.slope is not None]
-    return {"svg": _safe(growth_plot(model, series)), "rows": rows}
+    main = {each.label for each in model.contenders if each.main}
+    return {
+        "svg": _safe(growth_plot(model, series)),
+        "main": sorted((curve for curve in rows if curve.contender in main), key=lambda curve: curve.series),
+        "others": [curve for curve in rows if curve.contender not in main],
+    }
 
 
 def _regions(model: SpeedErrorModel) -> list[dict[str, Any]]:
