@@ -8,8 +8,9 @@ from time import perf_counter
 
 import numpy as np
 
-from ibrpipe.bench.cases import Case, MeshCase, Refusal, Shot, SpiralCase
+from ibrpipe.bench.cases import Case, CompositeCase, MeshCase, Refusal, Shot, SpiralCase
 from ibrpipe.bench.cases.case import BITS, INPUTS, AnyCase
+from ibrpipe.bench.hard_composites import composite_cells
 from ibrpipe.bench.hard_frames import ALIKE, Spot, WrongPixels, plain_cell, render_twice, thread_counts
 from ibrpipe.bench.hard_meshes import mesh_cells
 from ibrpipe.bench.hard_posed import Posed, count_samples, exceed, figures_of, from_meant, hold_limits, seen
@@ -63,6 +64,8 @@ def run_hard_cases(
             cells += [_refusal(case, dtype) for dtype in inputs]
         elif isinstance(case, SpiralCase):
             cells += spiral_cells(case, settings, inputs, depths)
+        elif isinstance(case, CompositeCase):
+            cells += composite_cells(case, settings, pictures, inputs, depths)
         elif isinstance(case, MeshCase):
             cells += mesh_cells(case, settings, pictures, inputs, depths)
         else:

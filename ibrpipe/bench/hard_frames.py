@@ -39,7 +39,9 @@ class Spot:
     bits: int = 32
 
 
-def render_twice(spot: Spot, setting: Setting, source: Texture, camera: Camera) -> tuple[Frame, bool] | Cell:
+def render_twice(
+    spot: Spot, setting: Setting, source: Texture | Sequence[Texture], camera: Camera
+) -> tuple[Frame, bool] | Cell:
     """Return the frame, and whether one thread and all threads gave the same bytes; or the cell of a failure."""
     try:
         draw = draw_with(setting, source, camera)
@@ -59,7 +61,7 @@ def thread_counts() -> tuple[int, int]:
     return 1, int(numba.config.NUMBA_NUM_THREADS)
 
 
-def draw_with(setting: Setting, source: Texture, camera: Camera) -> Callable[[int], Frame]:
+def draw_with(setting: Setting, source: Texture | Sequence[Texture], camera: Camera) -> Callable[[int], Frame]:
     """Return a function from a number of threads to the frame."""
     prepared = prepare(source, setting.renderer)
     takes_threads = "threads" in find_renderer(setting.renderer).options

@@ -217,7 +217,18 @@ class MeshCase:
     build: Callable[[], MeshShot]
 
 
-AnyCase = Case | Refusal | SpiralCase | MeshCase
+@dataclass(frozen=True)
+class CompositeCase:
+    """A picture of several maps; the shots that `build` returns share a camera. Fields as those of `Case`."""
+
+    name: str
+    group: int
+    what: str
+    build: Callable[[], list[Shot]]
+    colors_tie: str = ""
+
+
+AnyCase = Case | Refusal | SpiralCase | MeshCase | CompositeCase
 
 
 def relief(frame: ParallelFrame, heights: Any, camera: Camera, color: Any = None) -> Shot:
