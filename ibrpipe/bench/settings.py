@@ -155,8 +155,17 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("epipolar", "epipolar nearest", {"search": "nearest"}, LINES, NEAREST, first_layer=True),
     Setting("epipolar", "epipolar linear", {"search": "linear"}, LINES, first_layer=True, quick=False),
     Setting("splat", "splat", {}, SPLATS, first_layer=True, quick=False),
+    Setting("splat", "splat 2 texels", {"footprint": 2.0}, quick=False, hard=False),
     Setting("relief", "relief", {"search": "exact"}, special=RIMS, first_layer=True),
     Setting("relief", "relief 32+8", {"search": "linear-binary"}, STEPS, FLATS | MESH_STEPS, first_layer=True),
+    Setting(
+        "relief",
+        "relief 64+8",
+        {"search": "linear-binary", "linear_steps": 64},
+        first_layer=True,
+        quick=False,
+        hard=False,
+    ),
     Setting(
         "relief",
         "relief 256+8",
@@ -173,15 +182,6 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("prewarp", "prewarp 8-bit", {"depth_bits": 8}, SAMPLED, TOUCHED | STEEP, first_layer=True, quick=False),
     Setting("prewarp", "prewarp level 1", {"level": 1}, quick=False, hard=False),
     Setting("prewarp", "prewarp parted", {"max_step": 4.0}, quick=False, hard=False),
-    Setting("splat", "splat 2 texels", {"footprint": 2.0}, quick=False, hard=False),
-    Setting(
-        "relief",
-        "relief 64+8",
-        {"search": "linear-binary", "linear_steps": 64},
-        first_layer=True,
-        quick=False,
-        hard=False,
-    ),
 )
 
 

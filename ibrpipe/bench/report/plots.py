@@ -36,7 +36,7 @@ def pareto_plot(model: SpeedErrorModel, work: str, views: Sequence[str], colour:
     `colour`: error of colour against the time of colour and depth; else error of depth against the time of depth.
     """
     rows = -(-len(views) // 2)
-    figure, panels, legend = _figure(rows, 2, 3.1)
+    figure, panels, legend = _figure(rows, 2, 3.1 if rows > 1 else 4.7)  # the legend needs its height
     marks, shown = styles(model.contenders), set()
     for view, axes in zip(views, panels):
         points = _points([s for s in model.scores if s.work == work and s.view == view], colour)
