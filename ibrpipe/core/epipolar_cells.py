@@ -21,7 +21,7 @@ from ibrpipe.core.jit import fused
 TILE_X, TILE_Y = 32, 8
 LANES = TILE_X * TILE_Y
 #: cells that rays are taken through before those that are done are left behind, and cells before they go one by one
-STRIDE, PATIENCE = 3, 48
+STRIDE, PATIENCE = 4, 48
 #: rows of the working memory, LANES numbers each: ray, its place, the cell it is in and the one it started in
 DU, DV, DD, AU, AV, U0, V0, D0, END, S, CI, CJ, BI, BJ, STATE = (LANES * n for n in range(15))
 #: corners of its cell, which lane of the tile it is

@@ -38,6 +38,8 @@ FROM, TO = 29, 30
 SECTOR_SIZE = 31
 #: least share of the way to the far column at which a column is still told from the epipole
 NEAREST = 1e-12
+#: cells about the field at which lines are still laid
+MARGIN = 1.0
 
 
 def lay_lines(start, turn, pixels, cells, size, spacing, finest, coarseness, depths=(-math.inf, math.inf)):
@@ -121,7 +123,8 @@ def _lay_sector(own, axis, sign, P, Q, pixels, cells, size, spacing, finest, coa
         place = _at(line, p) / under
         places.append(place)
         slopes.append(((line[0] - place * along[0]) / under, (line[1] - place * along[1]) / under))
-    low, high = max(min(places), -length), min(max(places), breadth + length)
+    least, greatest = _crossing(P, far, reach, length, breadth)
+    low, high = max(min(places), least), min(max(places), greatest)
     steep = min(math.hypot(*slope) for slope in slopes)
     width = max(spacing * steep, finest, (high - low) / (4.0 * (size[0] + size[1])))
     if not low <= high or not 0.0 < width < math.inf:
@@ -137,6 +140,24 @@ def _lay_sector(own, axis, sign, P, Q, pixels, cells, size, spacing, finest, coa
     own[FROM], own[TO] = _reach_columns(P, Q, region, length, depths, 2.0 ** own[LEVEL])
     own[USED] = 1.0
     return True
+
+
+def _crossing(P, far, reach, length, breadth):
+    """Return the least and the greatest across_far of lines that cross the field, or come as near as MARGIN."""
+    end = length - far  # the field's other column, or the epipole before it
+    if P[3] != 0.0:
+        end = max(end, P[0] / P[3]) if P[3] > 0.0 else min(end, P[0] / P[3])
+    keep, shift = (end * P[3] - P[0]) / reach, (far - end) / reach * P[1]
+    bounds = []
+    for edge, way in ((-MARGIN, -1.0), (breadth + MARGIN, 1.0)):
+        beyond = way * (edge - shift)  # how far within this edge the epipole, or what all lines are moved by, lies
+        there = way * edge + length
+        if keep > NEAREST:
+            there = min(there, max(way * edge, way * (edge - shift) / keep))
+        elif beyond < 0.0:
+            there = way * edge
+        bounds.append(way * there)
+    return bounds
 
 
 def _clip(corners, line):

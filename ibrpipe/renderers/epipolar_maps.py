@@ -18,7 +18,7 @@ from ibrpipe.renderers.scratch import borrow
 from ibrpipe.types import Array, Camera
 
 #: greatest width of a line in the picture (pixels), least in the reference (cells), blocks per width of a line
-SPACING, FINEST, COARSENESS = 2.0, 0.5, 1.0
+SPACING, FINEST, COARSENESS = 3.0, 0.75, 0.75
 #: depth that still belongs to the eye itself, where it touches a surface; share of a field's size
 EYE = 1e-9
 

@@ -97,6 +97,24 @@ def test_every_pixel_that_meets_the_map_lies_once_in_the_table_of_lines(eye):
     assert claims.max() == 1
 
 
+@pytest.mark.parametrize("eye", EYES)
+def test_only_lines_that_cross_the_map_are_laid(eye):
+    """Seen from afar, or beside the map, most lines of the picture pass it by."""
+    camera = Camera.look_at(np.array(eye) * 6 - (45, 40, 5), (9, 8, 1), fov_y_deg=70, width=320, height=240)
+    _, start, _, sectors, _ = laid(smooth(), camera)
+    columns, rows = 18, 15
+    for own in sectors[sectors[:, el.USED] > 0]:
+        axis = int(own[el.AXIS])
+        length, breadth = (rows, columns) if axis else (columns, rows)
+        along = length - start[axis] if own[el.SIGN] < 0 else start[axis]
+        place = own[el.EDGE] + own[el.WIDTH] * np.arange(own[el.LINES] + 1)
+        columns_met = np.linspace(max(along, 0), length, 50)[:, None]
+        across = start[1 - axis] + (place - start[1 - axis]) * (columns_met - along) / (length - along)
+        middle = 0.5 * (across[:, 1:] + across[:, :-1])
+        room = el.MARGIN + own[el.WIDTH]
+        assert ((middle > -room) & (middle < breadth + room)).any(0).all()
+
+
 @pytest.mark.parametrize("search", ["nearest", "linear"])
 @pytest.mark.parametrize("eye", EYES)
 def test_sampled_searches_are_near_the_exact_one(search, eye):
