@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
-from plane_scene import NORMAL, PLACES, camera_at, sparse, take, true_depth
+from plane_scene import HEIGHT, NORMAL, PLACES, WIDTH, camera_at, rays, sparse, take, true_depth
 
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.dense import read_map
+from ibrpipe.io.images import write_png
+from ibrpipe.io.views import View
 from ibrpipe.stages import dense
 from ibrpipe.stages.dense.consistency import small_pieces
 from ibrpipe.stages.dense.neighbours import neighbourhoods
 from ibrpipe.stages.dense.scales import enlarged, passes
+from ibrpipe.types import Camera
 
 CONFIG = dense.DepthConfig(coarsest=64, iterations=4, neighbours=4)
 
@@ -77,6 +80,32 @@ def test_neighbours_and_range_without_points(views):
         assert around.near < depth.min()
         assert around.far > np.median(depth)
         assert len(around.others) >= 2
+
+
+def ball_views(folder, count, masked=True):
+    """Photos of a unit ball at the origin from `count` places around it, and the ball's depth range in each."""
+    turn = np.arange(count) * 2 * np.pi / count
+    for n, (x, y) in enumerate(zip(4 * np.cos(turn), 4 * np.sin(turn), strict=True)):
+        camera = Camera.look_at([x, y, 0.0], [0, 0, 0], up=(0, 0, 1), fov_y_deg=40, width=WIDTH, height=HEIGHT)
+        direction = rays(camera) / np.linalg.norm(rays(camera), axis=-1, keepdims=True)
+        missed = 16 - (direction @ camera.center) ** 2 > 1
+        picture = np.repeat(np.where(missed, 0.0, 0.5)[..., None], 3, axis=2).astype(np.float32)
+        write_png(folder / f"{n}.png", picture)
+        write_png(folder / f"{n}.mask.png", np.repeat(~missed[..., None], 3, axis=2).astype(np.float32))
+        yield View(str(n), camera, folder / f"{n}.png", mask=folder / f"{n}.mask.png" if masked else None)
+
+
+@pytest.mark.parametrize("count", [12, 14, 36])
+def test_masks_bound_the_depth_of_photos_from_around(tmp_path, count):
+    for around in neighbourhoods(tuple(ball_views(tmp_path, count)), None, 6):
+        assert 2.4 < around.near < 3.0
+        assert 3.75 < around.far < 5.5  # the ball's outline lies at 3.75
+
+
+def test_photos_without_masks_bound_depth_by_their_overlap(tmp_path):
+    for around in neighbourhoods(tuple(ball_views(tmp_path, 14, masked=False)), None, 6):
+        assert 0.5 < around.near < 3.0
+        assert around.far > 3.75
 
 
 def test_neighbours_with_points_have_good_angles(views):

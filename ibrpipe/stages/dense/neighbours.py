@@ -10,7 +10,7 @@ import numpy as np
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.points import SparsePoints
 from ibrpipe.io.views import View, load_view
-from ibrpipe.types import Array
+from ibrpipe.types import Array, Camera
 
 #: best angle between two rays to a point, and how fast its worth falls below and above, degrees
 BEST_ANGLE, BELOW, ABOVE = 8.0, 3.0, 12.0
@@ -18,8 +18,15 @@ BEST_ANGLE, BELOW, ABOVE = 8.0, 3.0, 12.0
 NEARER, FARTHER = 0.85, 1.2
 #: fewer sparse points than this in a view: cameras and masks are used instead
 FEWEST = 12
-#: pixels per side and depths per pixel of the samples without sparse points, and the greatest motion, picture widths
-GRID, DEPTHS, MOTION = 24, 96, 0.5
+#: rays and depths per ray of the samples without sparse points; the greatest motion between the nearest cameras,
+#: picture widths; how many of the nearest and of all cameras judge them
+RAYS, DEPTHS, MOTION, JUDGES = 256, 192, 2.0, 32
+#: a depth counts where this share of its rays lies in other pictures
+OVERLAP = 0.5
+#: a sample belongs to the object where it lies in this share of the masks whose pictures hold it
+AGREED = 0.75
+#: photos see a sample only under smaller angles, degrees
+WIDEST = 60.0
 
 
 @dataclass(frozen=True)
@@ -119,35 +126,70 @@ def _from_cameras(views: Sequence[View], masks: list[Array], i: int) -> tuple[Ar
     nearest = np.min(apart[apart > 1e-9 * apart.max()], initial=np.inf)
     if not np.isfinite(nearest):
         return score, None
-    rows, columns = np.nonzero(masks[i])
-    picked = np.linspace(0, len(rows) - 1, min(GRID * GRID, len(rows))).astype(np.int64)
-    x = (columns[picked] + 0.5) * camera.width / masks[i].shape[1]
-    y = (rows[picked] + 0.5) * camera.height / masks[i].shape[0]
-    rays = np.stack([x, y, np.ones_like(x)], axis=1) @ camera.world_from_pixel.T
+    rays = _rays(camera, masks[i])
     highest = MOTION * camera.width / (camera.K[0, 0] * nearest)
-    q = (np.arange(DEPTHS) + 0.5) / DEPTHS * highest
-    points = camera.center + rays[:, None, :] / q[None, :, None]
-    inside = np.stack([_inside(views[j], masks[j], points) if j != i else np.zeros(points.shape[:2], bool)
-                       for j in range(len(views))])  # fmt: skip
-    angles = np.stack([_angles(points, camera.center, view.camera.center) for view in views])
-    inside &= angles < 60
-    common = inside.sum(axis=0) >= min(2, len(views) - 1)
-    common &= inside.sum(axis=0) >= 0.5 * inside.sum(axis=0).max()
-    for j in range(len(views)):
-        score[j] = (worth(angles[j]) * (inside[j] & common)).sum()
-    kept = np.nonzero(common.any(axis=0))[0]
-    if len(kept) == 0:
+    q = ((np.arange(DEPTHS) + 0.5) / DEPTHS * highest).astype(np.float32)
+    looks = {j: _look(camera, views[j].camera, masks[j], rays, q) for j in _judges(apart, i)}
+    least = min(2, len(looks))
+    framed, common = np.zeros((len(rays), DEPTHS), np.int32), np.zeros((len(rays), DEPTHS), np.int32)
+    held, near = framed.copy(), framed.copy()
+    for j, (in_picture, in_mask, cosine) in looks.items():
+        close = cosine > np.cos(np.radians(WIDEST))
+        framed += in_picture | _shows_all(masks[j])
+        held += in_mask
+        near += in_picture & close
+        common += in_mask & close
+    kept = (common >= least) & (held >= AGREED * framed) & ((near >= least).mean(axis=0) >= OVERLAP)
+    for j, (_, in_mask, cosine) in looks.items():
+        angle = np.degrees(np.arccos(np.clip(cosine[in_mask & kept], -1, 1)))
+        score[j] = worth(angle[angle < WIDEST]).sum()
+    used = np.nonzero(kept.any(axis=0))[0]
+    if len(used) == 0:
         return score, None
-    low, high = max(q[kept[0]] - highest / DEPTHS, 0.1 * highest / DEPTHS), q[kept[-1]] + highest / DEPTHS
+    step = highest / DEPTHS
+    low, high = max(q[used[0]] - step, 0.1 * step), q[used[-1]] + step
     return score, (float(1 / high), float(1 / low))
 
 
-def _inside(view: View, mask: Array, points: Array) -> Array:
-    """Which (..., 3) points fall into a view's mask."""
-    local = points @ view.camera.R.T + view.camera.t
+def _judges(apart: Array, i: int) -> list[int]:
+    """Indices of the nearest cameras and of some of all, but for the view's own; `apart` are their distances."""
+    order = [int(j) for j in np.argsort(apart, kind="stable") if j != i]
+    rest = order[JUDGES:]
+    return order[:JUDGES] + rest[:: max(-(-len(rest) // JUDGES), 1)]
+
+
+def _shows_all(mask: Array) -> bool:
+    """Whether a mask keeps away from the picture's border, so that nothing of the object is outside the picture."""
+    return bool(mask.any() and not (mask[[0, -1]].any() or mask[:, [0, -1]].any()))
+
+
+def _rays(camera: Camera, mask: Array) -> Array:
+    """Rays through pixels spread over a mask, (N, 3), 1 along the camera's axis."""
+    rows, columns = np.nonzero(mask)
+    step = max(int(np.sqrt(len(rows) / RAYS)), 1)
+    even = (rows % step == step // 2) & (columns % step == step // 2)
+    rows, columns = (rows[even], columns[even]) if even.any() else (rows, columns)
+    x = (columns + 0.5) * camera.width / mask.shape[1]
+    y = (rows + 0.5) * camera.height / mask.shape[0]
+    return np.stack([x, y, np.ones_like(x)], axis=1) @ camera.world_from_pixel.T
+
+
+def _look(camera: Camera, other: Camera, mask: Array, rays: Array, q: Array) -> tuple[Array, Array, Array]:
+    """How another view sees samples on a camera's rays (N, 3) at inverse depths q (D,).
+
+    Returns
+    -------
+    (N, D) bool, (N, D) bool, (N, D) float32
+        In its picture; in its mask; cosine of the angle between both views' rays.
+    """
+    start, moved = rays @ other.R.T @ other.K.T, other.K @ (other.R @ camera.center + other.t)
+    u, v, w = (start[:, k, None].astype(np.float32) + np.float32(moved[k]) * q for k in range(3))
     with np.errstate(divide="ignore", invalid="ignore"):
-        pixel = (local @ view.camera.K.T)[..., :2] / local[..., 2:]
-    u = pixel[..., 0] * mask.shape[1] / view.camera.width
-    v = pixel[..., 1] * mask.shape[0] / view.camera.height
-    seen = (local[..., 2] > 0) & (u >= 0) & (v >= 0) & (u < mask.shape[1]) & (v < mask.shape[0])
-    return seen & mask[np.where(seen, v, 0).astype(np.int64), np.where(seen, u, 0).astype(np.int64)]
+        u, v = u / w * np.float32(mask.shape[1] / other.width), v / w * np.float32(mask.shape[0] / other.height)
+    seen = (w > 0) & (u >= 0) & (v >= 0) & (u < mask.shape[1]) & (v < mask.shape[0])
+    held = seen & mask[np.where(seen, v, 0).astype(np.int64), np.where(seen, u, 0).astype(np.int64)]
+    apart = camera.center - other.center
+    square, along = (rays**2).sum(axis=1)[:, None].astype(np.float32), (rays @ apart)[:, None].astype(np.float32)
+    dot = square + along * q
+    length = np.sqrt(square * np.maximum(square + 2 * along * q + np.float32(apart @ apart) * q * q, 1e-30))
+    return seen, held, dot / length
