@@ -205,6 +205,9 @@ class Geometry(_Document):
         None, description="Size of a voxel that the settings ask for; it is smaller where memory did not suffice"
     )
     parts_dropped: int | None = Field(None, description="Connected parts that were too small to keep")
+    moved_to_outlines: dict[str, float] | None = Field(
+        None, description="Of the vertices moved to the masks' outlines: share; mean and most of all moves, voxels"
+    )
     area: float | None = Field(None, description="Of the surface, square scene units")
     unseen_share: Share | None = Field(None, description="Share of the area that no depth map shows")
     looked_through_share: Share | None = Field(

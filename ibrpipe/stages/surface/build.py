@@ -18,6 +18,7 @@ from ibrpipe.stages.surface.doubt import contradicting, doubted
 from ibrpipe.stages.surface.finish import Evidence, evidence, face_areas, openings, simplified
 from ibrpipe.stages.surface.fusion import Cloud, FusionRules, fuse
 from ibrpipe.stages.surface.hull import Outline, hull_box, load_outlines
+from ibrpipe.stages.surface.rims import fitted
 from ibrpipe.stages.surface.settings import SurfaceConfig
 from ibrpipe.stages.surface.ways import Made, Sources, make
 from ibrpipe.types import Array, Mesh
@@ -83,6 +84,9 @@ def build_surface(
     step = made.step
     edge = config.triangle_pixels * step / config.voxel_pixels
     mesh = simplified(made.mesh, edge) if edge > 0 else made.mesh
+    moved = np.zeros(len(mesh.vertices))
+    if config.fit_rims and made.method != "hull":
+        mesh, moved = fitted(mesh, outlines)
     found = evidence(mesh, fused.maps, 2.0 * step)
     facts = {
         "method": made.method,
@@ -93,6 +97,11 @@ def build_surface(
         "voxel": float(step),
         "voxel_wanted": float(made.wanted),
         "parts_dropped": made.dropped,
+        "moved_to_outlines": {
+            "share": float((moved > 0.1 * step).mean()),
+            "voxels_mean": float(moved.mean() / step),
+            "voxels_most": float(moved.max() / step),
+        },
         **_described(mesh, found),
         "seconds": {"fusion": round(fused_at - began, 2), "surface": round(perf_counter() - fused_at, 2)},
     }
