@@ -54,7 +54,8 @@ def _told(error: OSError) -> str | None:
     """Return the line for what the machine refuses, None for any other error."""
     path = error.filename2 or error.filename  # of a copy, where it goes to
     where = f" at {path}" if path else ""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+    short = error.errno is None and "requested and" in str(error)  # NumPy's words for a file cut short, without a cause
+    if short or error.errno in (errno.ENOSPC, errno.EDQUOT):
         return f"no space left on the disk{where}; make room and run the same command again"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return f"no permission to use the file or folder{where} ({error.strerror}); choose another or change its rights"

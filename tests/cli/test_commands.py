@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 import click
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from pydantic import Field, model_validator
@@ -164,6 +166,19 @@ def fake(folder: Path, *args: object) -> Result:
 
     group.invoke = invoke  # type: ignore[method-assign]
     return call("fake", folder / "capture", "--out", folder / "run", *args, command=group)
+
+
+def test_an_array_that_the_disk_cuts_short_is_one_line(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource")
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, old[1]))
+    try:
+        with pytest.raises(boundary.Failure, match="no space left on the disk"), boundary.one_line():
+            np.save(tmp_path / "a.npy", np.zeros(10_000, np.float32))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+        signal.signal(signal.SIGXFSZ, handler)
 
 
 def test_stage_command_runs_and_prints_json(run_folder: Path) -> None:
