@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrpipe.layout import offsets_of
 from ibrpipe.renderers.fields import HeightField, build_field
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
 
@@ -174,9 +175,7 @@ def first_layer(source: LayeredDepthImage) -> LayeredDepthImage:
     """Return the layered image with the first sample of every texel alone."""
     starts, counts = source.offsets[:, :-1], np.diff(source.offsets, axis=1)
     keep = starts[counts > 0]
-    ends = np.cumsum(counts > 0, dtype=np.int64).reshape(counts.shape)
-    offsets = np.concatenate([np.r_[0, ends[:-1, -1]][:, None], ends], axis=1)
-    observers = None if source.observers is None else source.observers[keep]
+    offsets, observers = offsets_of(counts > 0), None if source.observers is None else source.observers[keep]
     return LayeredDepthImage(
         source.frame, offsets, source.depth[keep], source.color[keep], source.normal[keep], observers
     )

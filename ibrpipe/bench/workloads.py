@@ -10,8 +10,9 @@ from typing import Literal
 import numpy as np
 
 from ibrpipe.bench import oracle
-from ibrpipe.bench.surface import Surface, Texture, build_surface
+from ibrpipe.bench.surface import Surface, Texture, build_surface, first_layer
 from ibrpipe.embree import MeshCaster
+from ibrpipe.layout import offsets_of
 from ibrpipe.types import Array, Camera, LayeredDepthImage, Mesh, ParallelFrame, ReliefTexture, SpiralTexture
 
 #: heights of the synthetic height field, share of its width
@@ -216,16 +217,8 @@ def object_of(mesh: Mesh, name: str, n: int, width: int, first: bool = False) ->
         label: Camera.look_at(middle + size * np.array(way), middle, (0, 0, 1), 50.0, width, width * 3 // 4)
         for label, way in (("corner", (0.75, 0.55, 0.6)), ("side", (0.1, -1.05, 0.15)))
     }
-    sources = tuple(_first_layer(each) if first else each for each in six_faces(mesh, n, size))
+    sources = tuple(first_layer(each) if first else each for each in six_faces(mesh, n, size))
     return Workload(f"{name} {n}{FIRST if first else ''}", "object", n, sources, mesh, size, views)
-
-
-def _first_layer(layers: LayeredDepthImage) -> LayeredDepthImage:
-    counts = np.minimum(np.diff(layers.offsets, axis=1), 1)
-    kept = layers.offsets[:, :-1][counts > 0]
-    ends = np.cumsum(counts).reshape(counts.shape)
-    offsets = np.concatenate([np.r_[0, ends[:-1, -1]][:, None], ends], axis=1)
-    return LayeredDepthImage(layers.frame, offsets, layers.depth[kept], layers.color[kept], layers.normal[kept])
 
 
 def six_faces(mesh: Mesh, n: int, size: float, steepest_deg: float = 70.0) -> list[LayeredDepthImage]:
@@ -242,8 +235,7 @@ def six_faces(mesh: Mesh, n: int, size: float, steepest_deg: float = 70.0) -> li
             starts = (origin + x[..., None] * a + y[..., None] * b).reshape(-1, 3)
             ray, hits = caster.cast_all(starts, np.broadcast_to(f, starts.shape))
             keep = hits.normal @ f < -np.cos(np.radians(steepest_deg))
-            ends = np.cumsum(np.bincount(ray[keep], minlength=rows * columns)).reshape(rows, columns)
-            offsets = np.concatenate([np.r_[0, ends[:-1, -1]][:, None], ends], axis=1)
+            offsets = offsets_of(np.bincount(ray[keep], minlength=rows * columns).reshape(rows, columns))
             points = starts[ray[keep]] + hits.t[keep, None].astype(np.float64) * f
             frame = ParallelFrame(origin, a, b, f)
             made.append(LayeredDepthImage(frame, offsets, hits.t[keep], paint(points / size), hits.normal[keep]))

@@ -14,6 +14,7 @@ import numpy as np
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
 from ibrpipe.io.image_files import one_line
 from ibrpipe.io.images import FIXED_DATE
+from ibrpipe.layout import offsets_of
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame
 
 CHANNELS = ("R", "G", "B", "A", "Z", "N.x", "N.y", "N.z", "observers")
@@ -123,7 +124,7 @@ def _read(path: Path) -> LayeredDepthImage:
     if deep is None:
         raise FormatError(f"{path}: damaged ({one_line(image.geterror())}); copy the asset again")
     counts, table = _table(deep, [spec.channelnames.index(name) for name in CHANNELS])
-    offsets = _offsets(counts.reshape(spec.height, spec.width))
+    offsets = offsets_of(counts.reshape(spec.height, spec.width))
     return LayeredDepthImage(
         frame_from_json(json.loads(header)),
         offsets,
@@ -143,10 +144,3 @@ def _table(deep: object, channels: list[int]) -> tuple[Array, Array]:
         for sample in range(int(counts[pixel]))
     ]
     return counts, np.array(rows, np.float32).reshape(-1, len(channels))
-
-
-def _offsets(counts: Array) -> Array:
-    """(H, W + 1) offsets from samples per pixel (H, W)."""
-    ends = np.cumsum(counts.ravel()).reshape(counts.shape)
-    first = np.concatenate([[0], ends[:-1, -1]])
-    return np.concatenate([first[:, None], ends], axis=1)

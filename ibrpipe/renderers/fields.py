@@ -12,6 +12,7 @@ import numpy as np
 
 from ibrpipe.core import patch_search, patches
 from ibrpipe.errors import RendererError
+from ibrpipe.layout import single_layer
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
 
 #: steps between neighbours of unknown normal, in texels, above which they are not connected
@@ -138,9 +139,9 @@ def build_field(source: Source) -> Field:
     if isinstance(source, ReliefTexture):
         if min(source.height.shape) > 1:
             return _height_field(source)
-        return _patch_field(_single_layers(source.frame, source.height, source.color), np.inf)
+        return _patch_field(single_layer(source.frame, source.height, source.color), np.inf)
     if isinstance(source, DepthImage):
-        return _patch_field(_single_layers(source.camera, source.depth, source.color), UNKNOWN_GAP)
+        return _patch_field(single_layer(source.camera, source.depth, source.color), UNKNOWN_GAP)
     if isinstance(source, LayeredDepthImage):
         return _patch_field(source, UNKNOWN_GAP)
     raise RendererError(
@@ -169,15 +170,6 @@ def _height_field(source: ReliefTexture) -> HeightField:
     low, high = np.empty(blocks, np.float32), np.empty(blocks, np.float32)
     patch_search.bound_blocks(source.height, low, high)
     return HeightField(_place(source.frame, 0.5), source.height, source.color, low, high)
-
-
-def _single_layers(frame: ParallelFrame | Camera, depth: Array, color: Array) -> LayeredDepthImage:
-    """Return the layered form of one depth per texel, NaN = none; normals unknown."""
-    there = np.isfinite(depth)
-    ends = np.cumsum(there, dtype=np.int64).reshape(depth.shape)
-    offsets = np.concatenate([np.r_[0, ends[:-1, -1]][:, None], ends], axis=1)
-    normal = np.full((int(there.sum()), 3), np.nan, np.float32)
-    return LayeredDepthImage(frame, offsets, depth[there], color[there], normal)
 
 
 def _steps(layers: LayeredDepthImage) -> tuple[Array, Array, Array]:

@@ -10,9 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrpipe.embree import MeshCaster
+from ibrpipe.layout import single_layer
 from ibrpipe.stages.frusta import Frustum
-from ibrpipe.stages.reliefs import _clay
-from ibrpipe.types import Array, Asset, Camera, DepthImage, LayeredDepthImage, Mesh, SpiralTexture
+from ibrpipe.stages.reliefs import clay
+from ibrpipe.types import Asset, Camera, DepthImage, LayeredDepthImage, Mesh, SpiralTexture
 
 
 def depth_images_asset(mesh: Mesh, frusta: Sequence[Frustum], size: int, made_from: str) -> Asset:
@@ -24,7 +25,9 @@ def depth_images_asset(mesh: Mesh, frusta: Sequence[Frustum], size: int, made_fr
 
 def asset_of_views(images: Sequence[DepthImage], names: Sequence[str], made_from: str) -> Asset:
     """Return an asset of depth images as they are: one sample per pixel with depth, normals unknown."""
-    return _asset([_single(image) for image in images], names, made_from)
+    return _asset(
+        [single_layer(each.camera, each.depth, each.color, observed=True) for each in images], names, made_from
+    )
 
 
 def _asset(layers: Sequence[LayeredDepthImage], names: Sequence[str], made_from: str) -> Asset:
@@ -36,24 +39,10 @@ def _asset(layers: Sequence[LayeredDepthImage], names: Sequence[str], made_from:
     return Asset(tuple(SpiralTexture(each) for each in layers), info)
 
 
-def _single(image: DepthImage) -> LayeredDepthImage:
-    there = np.isfinite(image.depth)
-    normal = np.full((int(there.sum()), 3), np.nan, np.float32)
-    count = np.ones(len(normal), np.int32)
-    return LayeredDepthImage(image.camera, _offsets(there), image.depth[there], image.color[there], normal, count)
-
-
-def _offsets(there: Array) -> Array:
-    """(H, W + 1) offsets of one sample in every pixel that is set in `there` (H, W)."""
-    ends = np.cumsum(there, dtype=np.int64).reshape(there.shape)
-    return np.concatenate([np.r_[0, ends[:-1, -1]][:, None], ends], axis=1)
-
-
 def _layers(caster: MeshCaster, camera: Camera) -> LayeredDepthImage:
     hits = caster.cast_camera(camera)
     ways = np.stack(np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5), axis=-1)
     ways = np.concatenate([ways, np.ones((*ways.shape[:2], 1))], axis=-1) @ camera.world_from_pixel.T
     normal = caster.flat_normals[np.maximum(hits.face, 0)]
-    there = np.isfinite(hits.t) & (hits.face >= 0) & ((ways * normal).sum(axis=-1) < 0)
-    count = np.ones(int(there.sum()), np.int32)
-    return LayeredDepthImage(camera, _offsets(there), hits.t[there], _clay(normal[there]), normal[there], count)
+    there = (hits.face >= 0) & ((ways * normal).sum(axis=-1) < 0)
+    return single_layer(camera, np.where(there, hits.t, np.inf), clay(normal), normal, observed=True)

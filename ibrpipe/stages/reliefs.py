@@ -13,6 +13,7 @@ import numpy as np
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
+from ibrpipe.layout import single_layer
 from ibrpipe.types import (
     Array,
     Asset,
@@ -63,7 +64,7 @@ def relief_from_images(
     frame = ParallelFrame(np.array([-0.5 * width, 0.5 * tall, 0.0]), a, b, f)
     if color is None:
         bare = ReliefTexture(frame, np.zeros((rows, columns, 3)), height)
-        color = _clay(np.nan_to_num(_normals(bare)))
+        color = clay(np.nan_to_num(_normals(bare)))
     return ReliefTexture(frame, color, height)
 
 
@@ -130,7 +131,7 @@ def relief_from_mesh(
     hits, hit = _cast(caster, frame, counts[1], counts[0], float(np.linalg.norm(high - low)))
     height = np.where(hit, hits[0], np.nan)
     color = np.zeros((*hit.shape, 3), np.float32)
-    color[hit] = _clay(caster.smooth_normals(hits[1][hit], hits[2][hit]))
+    color[hit] = clay(caster.smooth_normals(hits[1][hit], hits[2][hit]))
     return ReliefTexture(frame, color, height)
 
 
@@ -230,7 +231,7 @@ def _range_mesh(image: DepthImage) -> tuple[Array, Array, Array]:
     return points.reshape(-1, 3), image.color.reshape(-1, 3), faces[one].astype(np.int32)
 
 
-def _clay(normal: Array) -> Array:
+def clay(normal: Array) -> Array:
     """Shaded colour (..., 3) of unit normals (..., 3)."""
     light = np.array([-0.4, 0.55, 0.73]) / np.linalg.norm([-0.4, 0.55, 0.73])
     shade = 0.3 + 0.7 * np.clip(0.5 + 0.5 * normal @ light, 0, 1) ** 1.5
@@ -250,14 +251,9 @@ def asset_from_reliefs(reliefs: Sequence[ReliefTexture], names: Sequence[str], m
 
 def layers_from_relief(relief: ReliefTexture) -> LayeredDepthImage:
     """Return the layered form of a relief texture: one sample per opaque texel, seen from where its f points."""
-    there = np.isfinite(relief.height)
-    ends = np.cumsum(there, dtype=np.int64).reshape(there.shape)
-    offsets = np.concatenate([np.r_[0, ends[:-1, -1]][:, None], ends], axis=1)
     frame = relief.frame
     turned = ParallelFrame(frame.origin, frame.a, frame.b, -frame.f)
-    count = np.ones(int(there.sum()), np.int32)
-    normal = _normals(relief)[there]
-    return LayeredDepthImage(turned, offsets, -relief.height[there], relief.color[there], normal, count)
+    return single_layer(turned, -relief.height, relief.color, _normals(relief), observed=True)
 
 
 def _normals(relief: ReliefTexture) -> Array:

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from ibrpipe.bench.cases.case import PLAIN, SHAPE, Case, Refusal, Shot, colors, frame_of, look, relief, rough
+from ibrpipe.layout import offsets_of
 from ibrpipe.types import Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture
 
 NAN = float("nan")
@@ -26,12 +27,10 @@ def layered(frame: ParallelFrame | Camera, depths: list[np.ndarray], normal: flo
     stack = np.sort(np.stack(depths), axis=0)
     there = np.isfinite(stack)
     counts = there.sum(axis=0)
-    ends = np.cumsum(counts).reshape(counts.shape)
-    offsets = np.concatenate([np.r_[0, ends[:-1, -1]][:, None], ends], axis=1)
     order = np.moveaxis(stack, 0, -1)[np.moveaxis(there, 0, -1)]
     paint = np.repeat(colors(counts.shape).reshape(-1, 3), counts.ravel(), axis=0)
     facing = -frame.R[2] if isinstance(frame, Camera) else -frame.f
-    return LayeredDepthImage(frame, offsets, order, paint, np.tile(normal * facing, (len(order), 1)))
+    return LayeredDepthImage(frame, offsets_of(counts), order, paint, np.tile(normal * facing, (len(order), 1)))
 
 
 def _heights(name: str, shape: tuple[int, int] = SHAPE) -> np.ndarray:

@@ -1,0 +1,36 @@
+"""How the samples of layered depth images lie in memory, and layered images of one depth per texel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame
+
+
+def offsets_of(counts: Array) -> Array:
+    """Return the offsets (H, W + 1) int64 of textures with `counts` (H, W) samples per texel."""
+    ends = np.cumsum(counts, dtype=np.int64).reshape(counts.shape)
+    return np.concatenate([np.r_[0, ends[:-1, -1]][:, None], ends], axis=1)
+
+
+def single_layer(
+    frame: ParallelFrame | Camera, depth: Array, color: Array, normal: Array | None = None, observed: bool = False
+) -> LayeredDepthImage:
+    """Return the layered form of one depth per texel.
+
+    Parameters
+    ----------
+    frame : ParallelFrame or Camera
+    depth : (H, W)
+        Scene units; NaN or infinite = no sample.
+    color : (H, W, 3)
+    normal : (H, W, 3), optional
+        Unit; left out = unknown.
+    observed : bool
+        Whether each sample counts as seen once; otherwise that is unknown.
+    """
+    there = np.isfinite(depth)
+    count = int(there.sum())
+    known = np.full((count, 3), np.nan, np.float32) if normal is None else normal[there]
+    observers = np.ones(count, np.int32) if observed else None
+    return LayeredDepthImage(frame, offsets_of(there), depth[there], color[there], known, observers)
