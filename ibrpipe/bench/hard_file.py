@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from pydantic import Field, create_model
 
 from ibrpipe.bench.hard_results import CaseFacts, Cell, Figures, HardCasesModel, Limits, SettingFacts, _Record
+from ibrpipe.io.manifest import write_text
 from ibrpipe.stages.metrics import Machine
 
 DIGITS = 4
@@ -145,12 +145,7 @@ def unpack(file: HardCasesFile) -> HardCasesModel:
 
 def write_hard_cases(path: Path, model: HardCasesModel) -> None:
     """Write the file in one step, a column on a line."""
-    partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
-    try:
-        partial.write_text(lines_of(pack(model).model_dump(mode="json")) + "\n", encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_text(path, lines_of(pack(model).model_dump(mode="json")) + "\n")
 
 
 def read_hard_cases(path: Path) -> HardCasesModel:
