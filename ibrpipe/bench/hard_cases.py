@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -11,7 +12,15 @@ import numpy as np
 from ibrpipe.bench.cases import Case, CompositeCase, MeshCase, Refusal, Shot, SpiralCase
 from ibrpipe.bench.cases.case import BITS, INPUTS, AnyCase
 from ibrpipe.bench.hard_composites import composite_cells
-from ibrpipe.bench.hard_frames import ALIKE, Spot, WrongPixels, plain_cell, render_twice, thread_counts
+from ibrpipe.bench.hard_frames import (
+    ALIKE,
+    Spot,
+    WrongPixels,
+    cells_of_settings,
+    plain_cell,
+    render_twice,
+    thread_counts,
+)
 from ibrpipe.bench.hard_meshes import mesh_cells
 from ibrpipe.bench.hard_posed import Posed, count_samples, exceed, figures_of, from_meant, hold_limits, seen
 from ibrpipe.bench.hard_results import CaseFacts, Cell, HardCasesModel, SettingFacts
@@ -117,12 +126,8 @@ def _pictures(
         for bits in depths:
             posed = Posed(original.stored(bits), bits, original.step(bits), original)
             reason = _senseless(posed, exact)
-            for setting in settings:
-                spot = Spot(case, setting.label, dtype, bits)
-                if reason:
-                    cells.append(plain_cell(spot, "not applicable", message=reason))
-                else:
-                    cells.append(_picture(spot, posed, setting, pictures))
+            cell = partial(_picture, posed=posed, pictures=pictures)
+            cells += cells_of_settings(case, settings, dtype, bits, reason, cell)
     return cells
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from ibrpipe.bench import oracle
 from ibrpipe.bench.cases.case import CompositeCase
-from ibrpipe.bench.hard_frames import ALIKE, Spot, WrongPixels, plain_cell, render_twice
+from ibrpipe.bench.hard_frames import ALIKE, Spot, WrongPixels, cells_of_settings, plain_cell, render_twice
 from ibrpipe.bench.hard_posed import Posed, count_samples, exceed, figures_of, hold_limits
 from ibrpipe.bench.hard_results import Cell, Limits
 from ibrpipe.bench.measure import measure
@@ -29,13 +30,8 @@ def composite_cells(
         for bits in depths:
             posed = [Posed(shot.stored(bits), bits, shot.step(bits), shot) for shot in given]
             alike = bits != 32 and not any(each.step for each in posed)
-            for setting in settings:
-                spot = Spot(case, setting.label, dtype, bits)
-                cells.append(
-                    plain_cell(spot, "not applicable", message=ALIKE)
-                    if alike
-                    else _cell(spot, posed, setting, pictures, case.colors_tie)
-                )
+            cell = partial(_cell, posed=posed, pictures=pictures, colors_tie=case.colors_tie)
+            cells += cells_of_settings(case, settings, dtype, bits, ALIKE if alike else "", cell)
     return cells
 
 

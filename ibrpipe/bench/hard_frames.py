@@ -93,3 +93,17 @@ def plain_cell(spot: Spot, status: str, failures: Sequence[str] = (), message: s
             "limits": None,
         }
     )  # fmt: skip
+
+
+def cells_of_settings(
+    case: AnyCase, settings: Sequence[Setting], dtype: str, bits: int, senseless: str, make: Callable[..., Cell]
+) -> list[Cell]:
+    """Return a cell for each setting: of `make(spot=, setting=)`, or the reason why the case is `senseless`."""
+    cells = []
+    for setting in settings:
+        spot = Spot(case, setting.label, dtype, bits)
+        if senseless:
+            cells.append(plain_cell(spot, "not applicable", message=senseless))
+        else:
+            cells.append(make(spot=spot, setting=setting))
+    return cells

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from ibrpipe.bench import mesh_oracle as oracle
 from ibrpipe.bench.cases.case import MeshCase, MeshShot
-from ibrpipe.bench.hard_frames import ALIKE, Spot, WrongPixels, frame_bytes, plain_cell, thread_counts
+from ibrpipe.bench.hard_frames import (
+    ALIKE,
+    Spot,
+    WrongPixels,
+    cells_of_settings,
+    frame_bytes,
+    plain_cell,
+    thread_counts,
+)
 from ibrpipe.bench.hard_posed import ULPS, exceed, figures_of, finite
 from ibrpipe.bench.hard_results import Cell, Limits
 from ibrpipe.bench.measure import ASTRAY, DOUBTFUL, Errors, ends, ray_lengths
@@ -59,12 +67,8 @@ def mesh_cells(
             stored = oracle.stored(shot.source, shot.meant, bits)
             posed = PosedMesh(shot, stored, bits)
             alike = bits != 32 and np.array_equal(stored.height, shot.source.height)
-            for setting in settings:
-                spot = Spot(case, setting.label, dtype, bits)
-                if alike:
-                    cells.append(plain_cell(spot, "not applicable", message=ALIKE))
-                else:
-                    cells.append(_cell(spot, posed, setting, pictures))
+            cell = partial(_cell, posed=posed, pictures=pictures)
+            cells += cells_of_settings(case, settings, dtype, bits, ALIKE if alike else "", cell)
     return cells
 
 
