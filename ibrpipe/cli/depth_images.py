@@ -52,13 +52,11 @@ def command(
         click.echo(json.dumps({"maps": count}) if as_json else f"{out}: {count} depth images of the photos")
         return
     whole = read_mesh(source)
-    if frusta is not None:
-        placed = placing.frusta_from_entries(_read(frusta))
-    elif arrange == "cube":
-        placed = placing.cube_frusta(whole)
+    if frusta is None and arrange == "greedy":
+        placed, share = placing.greedy_frusta(whole, maps, seed)
     else:
-        placed = placing.greedy_frusta(whole, maps, seed)[0]
-    share = placing.covered_share(whole, placed, seed)
+        placed = placing.frusta_from_entries(_read(frusta)) if frusta else placing.cube_frusta(whole)
+        share = placing.covered_share(whole, placed, seed)
     write_asset(depth_images_asset(whole, placed, size, str(source)), out)
     placing.write_frusta(placed, out / "frusta.yaml")
     if as_json:
