@@ -132,8 +132,8 @@ class Hasher:
         return digest([[each.relative_to(path).as_posix(), self.file(each)] for each in files_below(path, leave_out)])
 
     def remember(self) -> None:
-        """Write what was learnt to the memory file."""
-        if self._memory is not None and self._used != self._known:
+        """Write what was learnt to the memory file, be it nothing yet: fresh files are hashed again next time."""
+        if self._memory is not None and (self._used != self._known or not self._memory.is_file()):
             write_json(self._memory, self._used)
 
 

@@ -201,6 +201,14 @@ def test_a_file_written_a_moment_ago_is_not_remembered(tmp_path: Path) -> None:
     assert hasher.file(path) != first
 
 
+def test_the_memory_file_is_there_after_the_quickest_of_runs(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("one")
+    hasher = Hasher(tmp_path / "memory.json")
+    hasher.file(tmp_path / "a.txt")
+    hasher.remember()
+    assert json.loads((tmp_path / "memory.json").read_text()) == {}
+
+
 def test_damaged_memory_of_hashes_is_ignored(tmp_path: Path, capture: Path) -> None:
     go(tmp_path / "out", capture)
     (tmp_path / "out/.hashes.json").write_text('{"a": 1')
