@@ -42,6 +42,8 @@ class DepthMap:
         Names of the views that it was matched with.
     seconds : float
         What it took; 0 = given or taken over from an earlier run.
+    angles : tuple of float
+        To every neighbour, at what both see, median, degrees; empty = not known.
     """
 
     view: View
@@ -50,6 +52,7 @@ class DepthMap:
     confidence: Path | None = None
     neighbours: tuple[str, ...] = ()
     seconds: float = 0.0
+    angles: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -181,6 +181,9 @@ class DepthMapFacts(_Document):
 
     view: str = Field(description="Name of the view")
     neighbours: list[str] = Field(description="Views that it was matched with")
+    angles: list[float] = Field(
+        default=[], description="Angle to each of them at what both see, median, degrees; empty = depth was given"
+    )
     seconds: float = Field(ge=0, description="What it took; 0 = taken over from an earlier run, or given")
 
 
@@ -196,6 +199,12 @@ class Geometry(_Document):
     faces: int = Field(ge=0, description="Faces of mesh.ply")
     depth_from: str | None = Field(None, description="Where depth comes from; empty = only outlines were used")
     depth_maps: list[DepthMapFacts] | None = Field(None, description="The depth maps, a view each")
+    spacing_deg: dict[str, float] | None = Field(
+        None,
+        description="Median angle from a photo to the nearest, second, fourth and farthest neighbour of those that its "
+        "depth came from, degrees",
+    )
+    warnings: list[str] | None = Field(None, description="What to know, and what to shoot")
     method: Literal["volume", "poisson", "hull"] | None = Field(None, description="How depth became a surface")
     filled_by_outlines: bool | None = Field(None, description="The masks' outlines stand where no depth is")
     measured: dict[str, float] | None = Field(None, description="The figures behind the choice of the method")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -23,6 +23,7 @@ from ibrpipe.progress import track
 from ibrpipe.stages.audit import Surface, rounded
 from ibrpipe.stages.coverage import spread_points
 from ibrpipe.stages.dense import DepthConfig, estimate_depths
+from ibrpipe.stages.dense.spacing import spacing_of, warning
 from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.surface.build import build_surface
 from ibrpipe.stages.surface.given import given_maps
@@ -89,6 +90,9 @@ def run(inputs: Inputs, config: GeometryConfig) -> Outputs:
         document = _from_photos(views, inputs, config)
     outputs = Outputs(inputs.out / "mesh.ply", inputs.out / "geometry.json")
     write_json(outputs.geometry, {"schema": SCHEMA, **document})
+    if document.get("warnings"):
+        told = "".join(f"warning: {line}\n" for line in document["warnings"])
+        (inputs.out / "summary.txt").write_text(told, encoding="utf-8")
     return outputs
 
 
@@ -121,6 +125,7 @@ def _from_photos(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> dict
         "reason": facts.pop("reason"),
         "depth_from": source,
         "depth_maps": [_map_facts(each) for each in maps],
+        **_spacing(maps, len(views.train), float(facts["measured"]["agreed_depth"])),
         **facts,
         "coverage": _coverage(views.train, built.mesh),
     }
@@ -135,7 +140,23 @@ def _key(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> str:
 
 
 def _map_facts(each: DepthMap) -> dict[str, Any]:
-    return {"view": each.view.name, "neighbours": list(each.neighbours), "seconds": round(each.seconds, 3)}
+    angles = [round(angle, 2) for angle in each.angles]
+    return {
+        "view": each.view.name,
+        "neighbours": list(each.neighbours),
+        "angles": angles,
+        "seconds": round(each.seconds, 3),
+    }
+
+
+def _spacing(maps: Sequence[DepthMap], photos: int, agreed: float) -> dict[str, Any]:
+    """Tell how far apart the photos stand, and warn where that is too far; nothing of depth that was given."""
+    found = spacing_of(maps)
+    if found is None:
+        return {}
+    line = warning(found, photos, agreed)
+    angles = {name: round(value, 2) for name, value in asdict(found).items()}
+    return {"spacing_deg": angles, "warnings": [] if line is None else [line]}
 
 
 def _counts(mesh: Mesh) -> dict[str, int]:

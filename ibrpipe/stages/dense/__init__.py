@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrpipe.errors import CaptureError
-from ibrpipe.io.dense import DepthMap, write_workspace
+from ibrpipe.io.dense import DepthMap, read_map, write_workspace
 from ibrpipe.io.points import SparsePoints
 from ibrpipe.io.views import View
 from ibrpipe.progress import track
@@ -20,6 +20,7 @@ from ibrpipe.stages.dense.pairs import run_pairs
 from ibrpipe.stages.dense.pictures import forget_pictures
 from ibrpipe.stages.dense.scales import map_size, passes
 from ibrpipe.stages.dense.settings import DepthConfig
+from ibrpipe.stages.dense.spacing import angles_between
 from ibrpipe.stages.executor import current_executor
 
 __all__ = ["DepthConfig", "estimate_depths"]
@@ -65,6 +66,8 @@ def estimate_depths(
         DepthMap(
             view, job.workspace.depth(view.name), job.workspace.normal(view.name), job.workspace.confidence(view.name),
             tuple(views[other].name for other in around[i].others), seconds[i],
+            angles_between(view, [views[other] for other in around[i].others], read_map(job.workspace.depth(view.name)),
+                           2 / (1 / around[i].near + 1 / around[i].far)),
         )
         for i, view in enumerate(views)
     )  # fmt: skip

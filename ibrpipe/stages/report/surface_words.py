@@ -25,7 +25,8 @@ def surface_sentences(scores: GeometryScores | None, document: Mapping[str, Any]
 def _made(document: Mapping[str, Any]) -> list[str]:
     how = _METHODS.get(str(document.get("method")), "other means")
     source = "depth maps of the capture" if document.get("decision") == "depth" else "photos"
-    sentences = [f"The surface was made from the {source} by {how}: {document.get('reason', '')}."]
+    sentences = [f"Warning: {line}." for line in document.get("warnings") or ()]
+    sentences.append(f"The surface was made from the {source} by {how}: {document.get('reason', '')}.")
     sentences.append("; ".join([f"It has {_grouped(document.get('faces', 0))} triangles", *_openness(document)]) + ".")
     voxel, wanted = document.get("voxel"), document.get("voxel_wanted")
     if voxel and wanted and voxel > 1.01 * wanted:
