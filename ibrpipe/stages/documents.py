@@ -217,6 +217,11 @@ class Geometry(_Document):
     moved_to_outlines: dict[str, float] | None = Field(
         None, description="Of the vertices moved to the masks' outlines: share; mean and most of all moves, voxels"
     )
+    two_sided: dict[str, float | str] | None = Field(
+        None,
+        description="The second side of thin walls: share of the area that has one; share of the pixels that show "
+        "backs in place; thickness (median, scene units); reason",
+    )
     area: float | None = Field(None, description="Of the surface, square scene units")
     unseen_share: Share | None = Field(None, description="Share of the area that no depth map shows")
     looked_through_share: Share | None = Field(

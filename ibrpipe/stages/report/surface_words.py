@@ -53,6 +53,12 @@ def _openness(document: Mapping[str, Any]) -> list[str]:
     crossed = document.get("looked_through_share", 0.0)
     if crossed > 0:
         parts.append(f"depth maps look through {100 * crossed:.2f} % of it, which was kept so that it does not open")
+    second = document.get("two_sided") or {}
+    if second.get("share", 0.0) > 0:
+        parts.append(
+            f"{100 * second['share']:.0f} % of it is a thin wall that photos see from both sides, and has a second "
+            f"side {second['thickness']:.3g} scene units from the first"
+        )
     return parts
 
 

@@ -15,11 +15,12 @@ from ibrpipe.io.dense import DepthMap
 from ibrpipe.io.views import View
 from ibrpipe.stages.surface.choose import Choice, choose
 from ibrpipe.stages.surface.doubt import contradicting, doubted
-from ibrpipe.stages.surface.finish import Evidence, evidence, face_areas, openings, simplified
+from ibrpipe.stages.surface.finish import Evidence, Openings, evidence, face_areas, openings, simplified
 from ibrpipe.stages.surface.fusion import Cloud, FusionRules, fuse
 from ibrpipe.stages.surface.hull import Outline, hull_box, load_outlines
 from ibrpipe.stages.surface.rims import fitted
 from ibrpipe.stages.surface.settings import SurfaceConfig
+from ibrpipe.stages.surface.shell import with_second_side
 from ibrpipe.stages.surface.ways import Made, Sources, make
 from ibrpipe.types import Array, Mesh
 
@@ -87,7 +88,8 @@ def build_surface(
     moved = np.zeros(len(mesh.vertices))
     if config.fit_rims and made.method != "hull":
         mesh, moved = fitted(mesh, outlines)
-    found = evidence(mesh, fused.maps, 2.0 * step)
+    shell = with_second_side(mesh, fused.maps, step, config.truncation, config.two_sided)
+    found = evidence(shell.mesh, fused.maps, 2.0 * step, shell.facing if shell.share else None)
     facts = {
         "method": made.method,
         "filled_by_outlines": choice.fill and made.method != "volume",
@@ -102,10 +104,11 @@ def build_surface(
             "voxels_mean": float(moved.mean() / step),
             "voxels_most": float(moved.max() / step),
         },
-        **_described(mesh, found),
+        "two_sided": shell.facts,
+        **_described(shell.mesh, found, openings(mesh)),
         "seconds": {"fusion": round(fused_at - began, 2), "surface": round(perf_counter() - fused_at, 2)},
     }
-    return Built(mesh, found, facts)
+    return Built(shell.mesh, found, facts)
 
 
 def _middle(cloud: Cloud, outlines: Sequence[Outline]) -> Array | None:
@@ -124,9 +127,9 @@ def _reason(choice: Choice, made: Made) -> str:
     )
 
 
-def _described(mesh: Mesh, found: Evidence) -> dict[str, Any]:
-    """Return the figures of a finished surface."""
-    areas, ends = face_areas(mesh), openings(mesh)
+def _described(mesh: Mesh, found: Evidence, ends: Openings) -> dict[str, Any]:
+    """Return the figures of a finished surface; its borders are those of the sheet, without a second side."""
+    areas = face_areas(mesh)
     unseen = (found.observations[mesh.faces] == 0).all(axis=1)
     crossed = (found.through > 2 * found.observations + 2)[mesh.faces].all(axis=1)
     return {

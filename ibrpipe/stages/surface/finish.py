@@ -33,14 +33,28 @@ class Evidence:
     confidence: Array
 
 
-def evidence(mesh: Mesh, maps: MapStore, tolerance: float) -> Evidence:
-    """Ask all maps about the vertices; `tolerance` in scene units along the camera's axis."""
+def evidence(mesh: Mesh, maps: MapStore, tolerance: float, facing: Array | None = None) -> Evidence:
+    """Ask all maps about the vertices.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    maps : MapStore
+    tolerance : float
+        Scene units along the camera's axis.
+    facing : (V, 3) float64, optional
+        Only maps on this side of a vertex are asked; 0 0 0 = those on any side.
+    """
     count = len(mesh.vertices)
     seen, through = np.zeros(count, np.int32), np.zeros(count, np.int32)
     best, slack = np.zeros(count, np.float32), np.full(count, tolerance, np.float64)
     for each in track(maps, "observations", len(maps)):
-        p = pack([each])
+        p, away = pack([each]), np.zeros(count, bool)
+        if facing is not None:
+            away = ((each.camera.center - mesh.vertices) * facing).sum(axis=1) < 0
+        kept = seen[away], through[away], best[away]
         observe(mesh.vertices, p.depth, p.confidence, p.starts, p.sizes, p.projection, slack, seen, through, best)
+        seen[away], through[away], best[away] = kept
     agreed = seen / np.maximum(seen + through, 1)
     return Evidence(seen, through, (best * agreed * (1 - 0.5 ** np.maximum(seen, 0))).astype(np.float32))
 

@@ -26,6 +26,11 @@ class SurfaceConfig(StageConfig):
     fit_rims: bool = Field(
         True, description="Move the surface's rims to the masks' outlines, where at least three photos show them near"
     )
+    two_sided: Literal["auto", "never", "always"] = Field(
+        "auto",
+        description="Give a thin wall a second side with colours of its own; auto = where depth maps see the backs of "
+        "its faces in place, always = everywhere",
+    )
     votes: int = Field(2, ge=1, le=20, description="Depth maps that must agree on a pixel, its own included")
     disparity: float = Field(1.0, gt=0, le=20, description="Most disparity between maps that agree, pixels")
     depth_difference: float = Field(0.01, gt=0, le=0.5, description="Most difference of depths that agree, share")
