@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.core.color import srgb_encode
+from ibrpipe.core.shift_range import range_around
 from ibrpipe.embree import MeshCaster
 from ibrpipe.stages.photos import PhotoSet
 from ibrpipe.stages.rectangles import Rectangle, passed
@@ -33,12 +34,24 @@ class Appearance:
     diffuse : left-out photo minus diffuse colour
     predicted : view-dependent prediction minus diffuse colour
     common : product of the two
+    beyond_shift : what is left of `diffuse` when every pixel of the photo may be taken from nearby; None = not measured
     """
 
     blocks: int
     diffuse: float
     predicted: float
     common: float
+    beyond_shift: float | None = None
+
+    @property
+    def codes(self) -> float:
+        """Error of diffuse colour on left-out photos, in 8-bit codes."""
+        return 255 * self.diffuse**0.5
+
+    @property
+    def beyond_codes(self) -> float:
+        """The part of that error which misplaced geometry does not explain, in 8-bit codes."""
+        return 255 * (self.diffuse if self.beyond_shift is None else self.beyond_shift) ** 0.5
 
     @property
     def share(self) -> float:
@@ -67,7 +80,9 @@ class Appearance:
             for name, square in (("diffuse_psnr", self.diffuse), ("view_dependent_psnr", self.remaining))
             if self.blocks
         }
-        return {"blocks": self.blocks, **psnr, "share_added": round(self.share, 3), "gain_db": round(self.gain, 2)}
+        codes = {"diffuse_codes": round(self.codes, 2), "beyond_shift_codes": round(self.beyond_codes, 2)}
+        shares = {"share_added": round(self.share, 3), "gain_db": round(self.gain, 2)}
+        return {"blocks": self.blocks, **psnr, **(codes if self.blocks else {}), **shares}
 
 
 def sample_surface(caster: MeshCaster, photos: PhotoSet, count: int, seed: int) -> SurfaceSample:
@@ -118,55 +133,104 @@ def photo_spacing(photos: PhotoSet, center: Array) -> float:
 
 
 def appearance(
-    rectangles: Sequence[Rectangle], caster: MeshCaster, photos: PhotoSet, seed: int, most_photos: int = 8
+    rectangles: Sequence[Rectangle], caster: MeshCaster, photos: PhotoSet, seed: int, shift: float, most_photos: int = 8
 ) -> list[Appearance]:
     """Leave photos out one by one and predict them from the others, diffuse and view-dependent; one result a texture.
 
     Pixels are taken in blocks of 4 x 4 and averaged before anything is compared, so that noise and blur of fine texture
     do not pass for view dependence. A block counts for the texture through whose rectangle it is seen, which is the one
     that the renderer asks for residuals. About 600 blocks of each left-out photo are taken.
+
+    Parameters
+    ----------
+    shift : pixels (0 to 1) by which colours may be misplaced, see `beyond_shift`
     """
     rng = np.random.default_rng(seed)
     chosen = np.unique(np.linspace(0, len(photos.cameras) - 1, most_photos).round().astype(int))
-    sums = np.zeros((len(rectangles), 4))
+    sums = np.zeros((len(rectangles), 5))
     for left_out in chosen if len(photos.cameras) > 1 else ():
-        points, normals, truth, block = _photo_surface(int(left_out), caster, photos, rng)
-        if len(points) == 0:
+        seen = _photo_surface(int(left_out), caster, photos, rng)
+        if len(seen.pixels) == 0:
             continue
         rest = photos.subset([p for p in range(len(photos.cameras)) if p != left_out])
-        toward = photos.centers[left_out] - points
+        toward = photos.centers[left_out] - seen.points
         toward /= np.linalg.norm(toward, axis=1, keepdims=True)
-        diffuse, _, _ = rest.diffuse(points, normals)
-        blended, count = rest.blend(points, normals, toward)
-        owner = passed(rectangles, points, toward)
+        diffuse, _, _ = rest.diffuse(seen.points, seen.normals)
+        blended, count = rest.blend(seen.points, seen.normals, toward)
         base = srgb_encode(diffuse, np.inf)
-        missing, predicted = truth - base, srgb_encode(blended, np.inf) - base
-        missing, predicted, owner = _block_means(block, count >= 2, missing, predicted, owner)
-        products = (missing * missing, predicted * predicted, missing * predicted)
+        missing, predicted = seen.picture.reshape(-1, 3)[seen.pixels] - base, srgb_encode(blended, np.inf) - base
+        beyond = beyond_shift(base, seen.picture, seen.pixels, shift)
+        owner = passed(rectangles, seen.points, toward)
+        (missing, predicted, beyond), owner = _block_means(seen.block, count >= 2, (missing, predicted, beyond), owner)
+        products = (missing * missing, predicted * predicted, missing * predicted, beyond * beyond)
         terms = np.stack([np.ones(len(owner)), *(product.mean(axis=1) for product in products)], axis=1)
         np.add.at(sums, owner, terms)
     return [Appearance(int(row[0]), *(row[1:] / max(row[0], 1)).tolist()) for row in sums]
 
 
-def _block_means(block: Array, good: Array, missing: Array, predicted: Array, owner: Array) -> tuple[Array, ...]:
+def beyond_shift(base: Array, picture: Array, pixels: Array, shift: float) -> Array:
+    """Differences of pixels from expected colours that no misplacement by up to `shift` pixels explains.
+
+    Where the surface or a camera is slightly off, a photo shows the right colours a little beside the place where they
+    are expected. Only what lies outside the range of the photo's colours around the place surely depends on the view.
+
+    Parameters
+    ----------
+    base : (N, 3) float32
+        Expected colours, display code.
+    picture : (H, W, 3) float32
+        The photo, display code; NaN = not to be used.
+    pixels : (N,) int64
+        Row-major numbers of the pixels.
+
+    Returns
+    -------
+    (N, 3) float32
+        Display code; 0 where the expected colour lies in the range. With `shift` 0 the whole difference.
+    """
+    low, high = np.empty((len(pixels), 3), np.float32), np.empty((len(pixels), 3), np.float32)
+    rows, columns = np.divmod(pixels.astype(np.int64), picture.shape[1])
+    range_around(picture, rows, columns, float(shift), low, high)
+    return np.asarray(np.clip(base, low, high) - base)
+
+
+def _block_means(block: Array, good: Array, fields: Sequence[Array], owner: Array) -> tuple[list[Array], Array]:
     """Average colours over the blocks with at least 8 good pixels; a block's owner is that of its first pixel."""
-    block, missing, predicted, owner = block[good], missing[good], predicted[good], owner[good]
-    kept, first, number, size = np.unique(block, return_index=True, return_inverse=True, return_counts=True)
+    kept, first, number, size = np.unique(block[good], return_index=True, return_inverse=True, return_counts=True)
     means = []
-    for values in (missing, predicted):
+    for values in fields:
         total = np.zeros((len(kept), 3))
-        np.add.at(total, number, values)
+        np.add.at(total, number, values[good])
         means.append((total / size[:, None])[size >= 8])
-    return means[0], means[1], owner[first][size >= 8]
+    return means, owner[good][first][size >= 8]
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What one photo shows of the surface.
+
+    Attributes
+    ----------
+    picture : (H, W, 3) float32, display code; NaN outside the mask and where the mesh is not hit
+    pixels, block : (N,) row-major numbers of the pixels that are compared, and of the blocks that they belong to
+    points, normals : (N, 3) world
+    """
+
+    picture: Array
+    pixels: Array
+    block: Array
+    points: Array
+    normals: Array
 
 
 def _photo_surface(
     photo: int, caster: MeshCaster, photos: PhotoSet, rng: np.random.Generator, most: int = 600
-) -> tuple[Array, Array, Array, Array]:
-    """Surface points, normals, true colours and block numbers of blocks of pixels well inside one photo's mask."""
+) -> _Seen:
+    """Choose blocks of pixels well inside one photo's mask and find the surface that they show."""
     camera, own = photos.cameras[photo], slice(photos.starts[photo], photos.starts[photo] + photos.sizes[photo].prod())
     hits = caster.cast_camera(camera)
-    inside = np.flatnonzero(np.isfinite(hits.t.ravel()) & (photos.mask[own] >= 0.95))
+    shown = np.isfinite(hits.t.ravel()) & (photos.mask[own] >= 0.95)
+    inside = np.flatnonzero(shown)
     block = inside // camera.width // 4 * camera.width + inside % camera.width // 4
     numbers = np.unique(block)
     taken = np.isin(block, rng.choice(numbers, min(most, len(numbers)), replace=False))
@@ -175,4 +239,5 @@ def _photo_surface(
     directions = np.stack([column + 0.5, row + 0.5, np.ones(len(pixels))], axis=1) @ camera.world_from_pixel.T
     points = camera.center + hits.t.ravel()[pixels, None].astype(np.float64) * directions
     normals = caster.smooth_normals(hits.face.ravel()[pixels], hits.uv.reshape(-1, 2)[pixels])
-    return points, normals, photos.code[own][pixels], block
+    picture = np.where(shown[:, None], photos.code[own], np.float32(np.nan))
+    return _Seen(picture.reshape(camera.height, camera.width, 3), pixels, block, points, normals)

@@ -75,6 +75,18 @@ class PlanConfig(StageConfig):
     min_error: float = Field(
         4.0, ge=0, description="Error of diffuse colour on left-out photos, in 8-bit codes, below which all is well"
     )
+    shift: float = Field(
+        1.0,
+        ge=0,
+        le=1,
+        description="Photo pixels by which geometry and cameras may misplace colours; differences that this explains "
+        "are not taken for view dependence. 0 = all are",
+    )
+    min_beyond: float = Field(
+        3.0,
+        ge=0,
+        description="Error of diffuse colour, in 8-bit codes, that such a misplacement must leave unexplained",
+    )
     k: float | None = Field(None, gt=0, le=0.5, description="Spiral density; absent = from the angle between photos")
     residual_scale: float = Field(
         0.75, gt=0, le=4, description="Texels of a residual image per texel of the layers, along each edge"
@@ -194,16 +206,24 @@ def choose_residuals(name: str, found: Appearance, config: PlanConfig) -> tuple[
     if found.blocks < 20:
         why = "too little of the photos shows it to measure view dependence"
         return False, reason(f"residuals of {name}", False, why, **figures)
-    codes = 255 * found.diffuse**0.5
+    codes, beyond = found.codes, found.beyond_codes
     if codes < config.min_error:
         why = (
             f"diffuse colour predicts left-out photos to {codes:.1f} codes of 255; {config.min_error} would be visible"
         )
         return False, reason(f"residuals of {name}", False, why, **figures)
+    if beyond < config.min_beyond:
+        why = (
+            f"diffuse colour errs by {codes:.1f} codes of 255 on left-out photos, but colours misplaced by up to "
+            f"{config.shift} pixels explain all but {beyond:.1f}, less than the {config.min_beyond} asked for: "
+            f"geometry that is slightly off, not a surface that changes with the view"
+        )
+        return False, reason(f"residuals of {name}", False, why, **figures)
     choice = found.gain >= config.min_gain
     verdict = "at least" if choice else "less than"
     why = (
-        f"diffuse colour errs by {codes:.1f} codes of 255 on left-out photos; view-dependent colour predicts them "
+        f"diffuse colour errs by {codes:.1f} codes of 255 on left-out photos, by {beyond:.1f} if colours may be "
+        f"misplaced by {config.shift} pixels; view-dependent colour predicts them "
         f"{found.gain:.2f} dB better, {verdict} the {config.min_gain} dB asked for"
     )
     return choice, reason(f"residuals of {name}", choice, why, **figures)
@@ -254,7 +274,7 @@ def make_plan(
         raise CaptureError("no photo sees surface that faces any support rectangle; turn them round or move them")
     k, k_reason = choose_k(config, photos, caster.mesh.vertices.mean(axis=0))
     reasons += [*dropped, k_reason]
-    found = appearance(rectangles, caster, photos, seed)
+    found = appearance(rectangles, caster, photos, seed, config.shift)
     plans = []
     for rectangle, measured in zip(rectangles, found, strict=True):
         layers, why_layers = count_layers(rectangle, caster, config.max_layers)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError
-from ibrpipe.stages.measure import Appearance
+from ibrpipe.stages.measure import Appearance, beyond_shift
 from ibrpipe.stages.plan import Inputs, PlanConfig, choose_residuals, make_plan, read_plan, run
 from ibrpipe.stages.rectangles import RectangleConfig
 
@@ -50,6 +52,43 @@ def test_a_glossy_scene_gets_residuals(plans):
         entry = reasons[f"residuals of {name}"]
         assert "view-dependent colour predicts them" in entry["reason"]
         assert entry["measured"]["gain_db"] >= 0.5
+
+
+def test_a_surface_that_is_slightly_off_is_not_taken_for_gloss(measured):
+    """The matt wall, waved by a good half of a pixel: view-dependent colour helps, yet there is none."""
+    scene = measured("lambert")
+    pixel = np.linalg.norm(scene.photos.centers[0]) / scene.photos.cameras[0].K[0, 0]
+    vertices = scene.caster.mesh.vertices.copy()
+    vertices[:, 1] += 1.5 * pixel * np.sin(3 * vertices[:, 0]) * np.cos(4 * vertices[:, 2])
+    waved = MeshCaster(replace(scene.caster.mesh, vertices=vertices))
+    found = by_name(make_plan(waved, scene.photos, QUICK, 0)[1])["residuals of -y"]
+    trusting = by_name(make_plan(waved, scene.photos, QUICK.model_copy(update={"shift": 0.0}), 0)[1])["residuals of -y"]
+    assert trusting["choice"] is True
+    assert trusting["measured"]["beyond_shift_codes"] == trusting["measured"]["diffuse_codes"]
+    assert found["choice"] is False
+    assert "colours misplaced by up to 1.0 pixels explain all but" in found["reason"]
+    assert found["measured"]["beyond_shift_codes"] < 0.5 * found["measured"]["diffuse_codes"]
+
+
+def test_gloss_is_hardly_explained_by_misplaced_colours(plans):
+    for texture in plans["glossy"][0]:
+        if texture.residuals:
+            figures = plans["glossy"][1][f"residuals of {texture.rectangle.name}"]["measured"]
+            assert figures["diffuse_codes"] > figures["beyond_shift_codes"] > 0.4 * figures["diffuse_codes"]
+
+
+def test_beyond_shift_of_a_pattern_and_of_a_highlight():
+    """An edge half a pixel off is all explained; a highlight twelve codes high is not, up to its slope."""
+    x = np.arange(20.0)
+    edge = np.repeat(np.clip(x - 9.0, 0, 1)[None, :, None], 16, axis=0).repeat(3, axis=2).astype(np.float32)
+    pixels = np.arange(16 * 20)
+    expected = np.repeat(np.clip(x - 9.5, 0, 1)[None, :, None], 16, axis=0).repeat(3, axis=2).reshape(-1, 3)
+    np.testing.assert_allclose(beyond_shift(expected.astype(np.float32), edge, pixels, 1.0), 0, atol=1e-6)
+    assert np.abs(beyond_shift(expected.astype(np.float32), edge, pixels, 0.0)).max() == pytest.approx(0.5)
+    light = (12 / 255) * np.exp(-(((x - 10) / 5) ** 2))[None, :, None] + np.zeros((16, 1, 3))
+    beyond = beyond_shift(np.zeros((320, 3), np.float32), light.astype(np.float32), pixels, 1.0).reshape(light.shape)
+    assert (beyond <= light + 1e-6).all()
+    assert np.sqrt((beyond**2).mean() / (light**2).mean()) > 0.8
 
 
 @pytest.mark.parametrize("scene", ["lambert", "glossy"])
@@ -117,6 +156,8 @@ def test_the_seed_decides(measured):
         (Appearance(500, 1e-4, 1e-4, 1e-4), False, "4.0 would be visible"),
         (Appearance(500, 4e-3, 4e-3, 0.0), False, "0.00 dB better, less than the 0.5 dB"),
         (Appearance(500, 4e-3, 4e-3, 2e-3), True, "1.25 dB better, at least the 0.5 dB"),
+        (Appearance(500, 4e-3, 4e-3, 2e-3, 2e-4), True, "by 3.6 if colours may be misplaced"),
+        (Appearance(500, 4e-3, 4e-3, 2e-3, 1e-4), False, "explain all but 2.6, less than the 3.0 asked for"),
     ],
 )
 def test_when_residuals_pay(found, choice, why):
