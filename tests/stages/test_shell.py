@@ -142,6 +142,13 @@ def test_a_back_counts_where_depth_is_in_place(shift: float, share: float) -> No
         assert volume == pytest.approx(4 * shell.thickness, rel=0.1)  # faces outward on both sides
 
 
+@pytest.mark.parametrize(("shift", "least", "most"), [(0.3, 0.95, 1.0), (-0.3, 0.0, 0.0)])
+def test_what_stands_before_a_back_does_not_contradict_it_and_looking_through_does(shift, least, most) -> None:
+    plate = sheet(lambda u, v: np.stack([0 * u, u, v], axis=-1), 20, 20).mesh
+    maps = looking(plate, AROUND[2:3], 0.03) + looking(plate, AROUND[3:4], shift)
+    assert least <= with_second_side(plate, maps, 0.02, 4.0, "auto").share <= most
+
+
 def test_likely_backs_count_only_beside_sure_ones_and_gaps_close() -> None:
     plate = sheet(lambda u, v: np.stack([0 * u, u, v], axis=-1), 30, 30).mesh
     y, none = plate.vertices[:, 1], np.zeros(len(plate.vertices))

@@ -77,9 +77,9 @@ class Backs:
     Attributes
     ----------
     seen : (V,) bool
-        More maps see the back in place than do not.
+        More maps see the back in place than look through it.
     likely : (V,) bool
-        At least two maps without depth there would see it, and as many see it in place as do not.
+        At least two maps without depth there would see it, and as many see it in place as look through it.
     thickness : (V,) float64
         Sum over the pixels in place, scene units: how far before the sheet they see it, along its normal.
     pixels : (V,) float64
@@ -137,7 +137,7 @@ def backs_seen(mesh: Mesh, maps: MapStore, step: float, melt: float) -> Backs:
         place = look.known & (look.before <= np.where(look.back, melt, BEHIND) * step) & (look.before >= -BEHIND * step)
         found = look.back & place
         balance += _touched(mesh, look.face[found])
-        balance -= _touched(mesh, look.face[look.back & look.known & ~place])
+        balance -= _touched(mesh, look.face[look.back & look.known & (look.before < -BEHIND * step)])
         blank += _touched(mesh, look.face[look.back & ~look.known])
         corners = mesh.faces[look.face[found]].ravel()
         total += np.bincount(corners, np.repeat(look.near[found], 3), count)
