@@ -90,3 +90,8 @@ def turn_degrees(one, other):
     )
     trace = delta[:, 0, 0] + delta[:, 1, 1] + delta[:, 2, 2]
     return np.degrees(np.arctan2(np.linalg.norm(axis, axis=1), trace - 1.0))
+
+
+def between_degrees(one, other):
+    """Angles in degrees between unit vectors (N, 3); exact for small ones too."""
+    return np.degrees(2.0 * np.arcsin(np.minimum(np.linalg.norm(one - other, axis=-1) / 2.0, 1.0)))

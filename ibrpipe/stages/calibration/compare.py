@@ -7,11 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.core.similarity import centers, fit_cameras, move_poses, turn_degrees
+from ibrpipe.core.similarity import between_degrees, centers, fit_cameras, move_poses, turn_degrees
 from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.captures import has_cameras, read_shots
 from ibrpipe.io.colmap import find_model, is_model, read_model
+from ibrpipe.io.lenses import Lens, directions_of
+from ibrpipe.io.shots import Shot
 from ibrpipe.types import Array
+
+#: Rays of so many places along each side of a photo are compared
+GRID = 16
 
 
 def compare_cameras(path: Path, truth: Path) -> dict[str, Any]:
@@ -26,12 +31,19 @@ def compare_cameras(path: Path, truth: Path) -> dict[str, Any]:
     -------
     dict
         Photos in common, scale, mean and largest distance of centres in the truth's units (``over_extent``: over the
-        largest distance between its centres), mean and largest rotation in degrees, focal lengths over the truth's.
+        largest distance between its centres), mean and largest rotation in degrees, mean and largest angle in degrees
+        between the rays of the same pixels, focal lengths over the truth's.
 
     Raises
     ------
     MissingFileError, FormatError, CaptureError
         Cameras cannot be read, or fewer than two photos are in common.
+
+    Notes
+    -----
+    The rotation of a camera and the place of its principal point hang together: a principal point that lies aside and a
+    camera that is turned back by as much see nearly the same. Rays of pixels count both at once, and the focal length
+    and the distortion, too: they are what a renderer uses. They are compared without the distance of the centres.
     """
     found, wanted = _cameras(path), _cameras(truth)
     names = sorted(found.keys() & wanted.keys())
@@ -39,12 +51,18 @@ def compare_cameras(path: Path, truth: Path) -> dict[str, Any]:
         raise CaptureError(
             f"{path} and {truth} have {len(names)} photos in common, at least 2 are needed; photos count by their names"
         )
-    old = np.array([found[name][0] for name in names])
-    new = np.array([wanted[name][0] for name in names])
+    old = np.array([found[name].cam_from_world for name in names])
+    new = np.array([wanted[name].cam_from_world for name in names])
     similarity = fit_cameras(old, new)
     moved = move_poses(similarity, old)
     off = np.linalg.norm(centers(moved) - centers(new), axis=1)
     turn = turn_degrees(moved[:, :, :3], new[:, :, :3])
+    rays = np.array(
+        [
+            between_degrees(_rays(found[name].lens, moved[i]), _rays(wanted[name].lens, new[i]))
+            for i, name in enumerate(names)
+        ]
+    )
     extent = float(np.linalg.norm(centers(new)[:, None] - centers(new)[None], axis=2).max())
     return {
         "photos": len(names),
@@ -55,22 +73,34 @@ def compare_cameras(path: Path, truth: Path) -> dict[str, Any]:
         "center_mean_over_extent": float(off.mean()) / extent if extent > 0 else None,
         "rotation_mean_deg": float(turn.mean()),
         "rotation_max_deg": float(turn.max()),
-        "focal_over_truth": float(np.mean([found[name][1] / wanted[name][1] for name in names])),
+        "rays_mean_deg": float(np.nanmean(rays)),
+        "rays_max_deg": float(np.nanmax(rays)),
+        "focal_over_truth": float(np.mean([_focal(found[name].lens) / _focal(wanted[name].lens) for name in names])),
     }
 
 
-def _cameras(path: Path) -> dict[str, tuple[Array, float]]:
-    """Name of each photo to its pose and focal length."""
+def _rays(lens: Lens, cam_from_world: Array) -> Array:
+    """Directions in the world of places spread evenly over a photo, (N, 3); NaN where the lens shows nothing."""
+    steps = (np.arange(GRID) + 0.5) / GRID
+    columns, rows = np.meshgrid(steps * lens.width, steps * lens.height)
+    plane = directions_of(lens, np.stack([columns.ravel(), rows.ravel()], axis=1))
+    rays = np.concatenate([plane, np.ones((len(plane), 1))], axis=1)
+    turned: Array = rays @ cam_from_world[:, :3] / np.linalg.norm(rays, axis=1, keepdims=True)
+    return turned
+
+
+def _cameras(path: Path) -> dict[str, Shot]:
+    """Name of each photo to its camera."""
     if not path.exists():
         raise MissingFileError(f"{path} does not exist; give a COLMAP model, or a capture, run or calibrate folder")
     for folder in (path, path / "calibrate"):
         model = folder if is_model(folder) else find_model(folder)
         if model is not None:
-            return {shot.file: (shot.cam_from_world, _focal(shot.lens.K)) for shot in read_model(model, model)}
+            return {shot.file: shot for shot in read_model(model, model)}
     if has_cameras(path):
-        return {shot.file: (shot.cam_from_world, _focal(shot.lens.K)) for shot in read_shots(path)}
+        return {shot.file: shot for shot in read_shots(path)}
     raise CaptureError(f"{path}: no cameras found; give a COLMAP model, or a capture, run or calibrate folder")
 
 
-def _focal(K: Array) -> float:
-    return float((K[0, 0] + K[1, 1]) / 2.0)
+def _focal(lens: Lens) -> float:
+    return float((lens.K[0, 0] + lens.K[1, 1]) / 2.0)
