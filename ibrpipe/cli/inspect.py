@@ -28,7 +28,7 @@ def command(path: Path, against: Path | None, as_json: bool) -> None:
 
     With --against, PATH and TRUTH are COLMAP models, or capture, run or calibrate folders. The cameras of PATH are
     aligned to those of TRUTH by a similarity, and what is left is told: distances in its unit, and in degrees rotations
-    and the angles between rays of the same pixels, in which the principal point and the rotation make up for each other.
+    and the angles between rays of the same pixels (a principal point that lies aside and a turn nearly cancel there).
     """
     facts = describe(path) if against is None else _compared(path, against)
     if as_json:
