@@ -22,6 +22,7 @@ from ibrpipe.stages.calibration.child import run_child
 from ibrpipe.stages.calibration.job import Job, write_job
 from ibrpipe.stages.calibration.photos import photos_of, without_cameras
 from ibrpipe.stages.calibration.results import WEAK, summary
+from ibrpipe.stages.provenance import count_child
 from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.workplace import kept_folder
 
@@ -167,6 +168,7 @@ def run(inputs: Inputs, config: CalibrateConfig) -> Outputs:
     shutil.rmtree(job.result, ignore_errors=True)
     told = listener()
     found = run_child(WORKER, work / "job.json", work / "log.txt", 60.0 * config.time_limit, told)
+    count_child(found["peak_memory_bytes"])
     document = {"schema": SCHEMA, **_decision(job), **found}
     _check(document, config, root)
     shutil.copytree(job.result, inputs.out, dirs_exist_ok=True)

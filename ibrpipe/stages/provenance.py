@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
@@ -127,15 +128,36 @@ class Cost:
     peak_memory_bytes: int | None = None
 
 
+#: Largest resident memory of the child processes of the block that is being measured, one entry each
+_CHILDREN: ContextVar[list[int] | None] = ContextVar("child_memory", default=None)
+
+
 @contextmanager
 def measured() -> Iterator[Cost]:
-    """Measure the block; the figures are filled in when it ends."""
+    """Measure the block; the figures are filled in when it ends.
+
+    Memory is this process's and that of the largest child process that `count_child` was told of, together: the child
+    works while the parent waits.
+    """
     cost = Cost()
     fresh = _reset_peak()
+    children: list[int] = []
+    token = _CHILDREN.set(children)
     start = time.perf_counter()
-    yield cost
+    try:
+        yield cost
+    finally:
+        _CHILDREN.reset(token)
     cost.seconds = time.perf_counter() - start
-    cost.peak_memory_bytes = _peak_of_block() if fresh else _peak_of_process()
+    own = peak_memory() if fresh else _peak_of_process()
+    cost.peak_memory_bytes = None if own is None else own + max(children, default=0)
+
+
+def count_child(peak_memory_bytes: int | None) -> None:
+    """Add a child process, which has ended, to the memory of the block that is being measured."""
+    children = _CHILDREN.get()
+    if children is not None and peak_memory_bytes is not None:
+        children.append(peak_memory_bytes)
 
 
 def _reset_peak() -> bool:
@@ -147,11 +169,16 @@ def _reset_peak() -> bool:
     return True
 
 
-def _peak_of_block() -> int | None:
-    for line in Path("/proc/self/status").read_text().splitlines():
+def peak_memory() -> int | None:
+    """Return the largest resident memory of this process in bytes, on Linux since it was last set back; None = unknown.
+
+    Linux's own count is asked first: the other one starts, in a child process, with the memory of its parent.
+    """
+    status = Path("/proc/self/status")
+    for line in status.read_text().splitlines() if status.is_file() else ():
         if line.startswith("VmHWM:"):
             return int(line.split()[1]) * 1024
-    return None
+    return _peak_of_process()
 
 
 def _peak_of_process() -> int | None:

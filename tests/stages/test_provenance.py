@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from ibrpipe.stages import provenance
-from ibrpipe.stages.provenance import code_digest, measured, versions
+from ibrpipe.stages.provenance import code_digest, count_child, measured, versions
 
 
 @pytest.fixture
@@ -88,3 +89,25 @@ def test_cost_of_a_block() -> None:
             pass
         assert later.peak_memory_bytes is not None
         assert 50e6 < cost.peak_memory_bytes - later.peak_memory_bytes < 200e6
+
+
+def test_cost_of_a_block_counts_its_largest_child() -> None:
+    with measured() as alone:
+        count_child(None)
+    with measured() as cost:
+        for child in (1 << 40, 3 << 40, 2 << 40):
+            count_child(child)
+    count_child(5 << 40)  # no block is being measured
+    if alone.peak_memory_bytes is not None:
+        assert cost.peak_memory_bytes is not None
+        assert (cost.peak_memory_bytes - alone.peak_memory_bytes) / (1 << 40) == pytest.approx(3.0, abs=1e-3)
+
+
+def test_a_child_does_not_count_its_parents_memory() -> None:
+    if sys.platform != "linux":
+        pytest.skip("other systems have no count of their own for a child")
+    block = np.ones(400_000_000 // 8)
+    code = "from ibrpipe.stages.provenance import peak_memory; print(peak_memory())"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert block[-1] == 1
+    assert 5e6 < int(told.stdout) < 300e6

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +13,7 @@ from ibrpipe.stages.calibration.features import Features
 from ibrpipe.stages.calibration.job import Job
 from ibrpipe.stages.calibration.lenses import Start, angle_of_view
 from ibrpipe.stages.calibration.world import Placed
+from ibrpipe.stages.provenance import peak_memory
 from ibrpipe.types import Array
 
 #: Photos with fewer points than this stand on weak feet
@@ -79,7 +79,7 @@ def figures(
         "photos": photos,
         "other_models": [[image.name for image in each.images] for each in models[1:]],
         "findings": _findings(job, features, inliers, photos, models, starts),
-        "peak_memory_bytes": _peak_memory(),
+        "peak_memory_bytes": peak_memory(),
     }
 
 
@@ -193,15 +193,6 @@ def _left_out(photo: dict[str, Any], found: Features) -> dict[str, str]:
 def _listed(names: Sequence[str], most: int = 5) -> str:
     shown = ", ".join(names[:most])
     return shown if len(names) <= most else f"{shown} and {len(names) - most} more"
-
-
-def _peak_memory() -> int | None:
-    try:
-        import resource
-    except ImportError:
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024
 
 
 def summary(document: dict[str, Any]) -> str:
