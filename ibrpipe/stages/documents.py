@@ -173,7 +173,7 @@ class Calibration(_Document):
     photos: list[CalibratedPhoto] = Field(default=[], description="All photos, the left-out ones included")
     other_models: list[list[str]] = Field(default=[], description="Photos that hang together but not with the rest")
     findings: list[CalibrationFinding] = Field(default=[], description="What to know, and what to do")
-    peak_memory_bytes: int | None = Field(None, description="Largest resident memory of the child process, which searches")
+    peak_memory_bytes: int | None = Field(None, description="Largest resident memory of the child process")
 
 
 class DepthMapFacts(_Document):
