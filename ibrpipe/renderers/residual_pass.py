@@ -96,7 +96,10 @@ def _starts(members: Sequence[SpiralResiduals]) -> Array:
 
 def _join_linear(members: Sequence[SpiralResiduals]) -> tuple[object, ...]:
     counts = np.cumsum([0] + [len(r.alphas) for r in members])
-    texels = [np.concatenate([r.texels, r.valid[:, None].astype(np.float32)], axis=1) for r in members]
+    texels, end = np.empty((sum(len(r.texels) for r in members), 4), np.float32), 0
+    for r in members:
+        own = slice(end, end + len(r.texels))
+        texels[own, :3], texels[own, 3], end = r.texels, r.valid, own.stop
     return (
         np.concatenate([r.alphas for r in members]),
         np.array([r.k for r in members]),
@@ -106,7 +109,7 @@ def _join_linear(members: Sequence[SpiralResiduals]) -> tuple[object, ...]:
         np.concatenate([r.directions for r in members]),
         np.concatenate([r.sizes for r in members]).astype(np.int32),
         _starts(members),
-        np.concatenate(texels),
+        texels,
         np.zeros(counts[-1]),  # linear residuals have no code of nothing
     )
 

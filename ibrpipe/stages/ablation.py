@@ -30,8 +30,9 @@ from ibrpipe.stages.diffuse import diffuse_frame
 from ibrpipe.stages.executor import executor
 from ibrpipe.stages.plan import TexturePlan
 from ibrpipe.stages.rectangles import passed
+from ibrpipe.stages.residual_sets import Samples, assemble, uncoded
 from ibrpipe.stages.residual_units import Context, Sources, context_of, forget
-from ibrpipe.stages.residuals import ResidualsConfig, Samples, assemble, code, refine, sample, uncoded
+from ibrpipe.stages.residuals import ResidualsConfig, code, refine, sample
 from ibrpipe.stages.scores import psnr, to_srgb8
 from ibrpipe.types import Array, Asset, Camera, SpiralResiduals, SpiralTexture
 

@@ -9,7 +9,7 @@ residuals. This is no part of gong-yang.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -22,11 +22,18 @@ from ibrpipe.types import Array, SpiralTexture
 
 
 def photo_errors(context: Context, textures: Sequence[SpiralTexture]) -> tuple[Array, float]:
+    """Render every training photo on exact geometry and subtract it from the photo, as `errors_in_batches` does."""
+    return errors_in_batches(context, [(range(len(context.photos.cameras)), textures)])
+
+
+def errors_in_batches(
+    context: Context, batches: Iterable[tuple[Sequence[int], Sequence[SpiralTexture]]]
+) -> tuple[Array, float]:
     """Render every training photo on exact geometry and subtract it from the photo.
 
     Parameters
     ----------
-    textures : with residuals whose texels are float32 in 255ths of the display code, `zero` 0
+    batches : photos, and textures with residuals whose texels are float32 in 255ths of the display code, `zero` 0
 
     Returns
     -------
@@ -36,10 +43,11 @@ def photo_errors(context: Context, textures: Sequence[SpiralTexture]) -> tuple[A
     psnr : float
         Over all pixels that count, dB; infinite if none differs.
     """
-    tables = dataclasses.replace(residual_pass.prepare(textures), coded=True)
     photos = context.photos
     errors, total, count = np.zeros_like(photos.code), 0.0, 0
-    for p, camera in enumerate(track(photos.cameras, "refinement")):
+    rendered = ((p, tables) for some, textures in batches for tables in [_tables(textures)] for p in some)
+    for p, tables in track(rendered, "refinement", len(photos.cameras)):
+        camera = photos.cameras[p]
         color, depth, known = diffuse_frame(context.caster, context.diffuse, camera)
         residual_pass.add(tables, color, depth, camera)
         own = slice(photos.starts[p], photos.starts[p] + depth.size)
@@ -49,3 +57,7 @@ def photo_errors(context: Context, textures: Sequence[SpiralTexture]) -> tuple[A
         total += float((errors[own].astype(np.float64) ** 2).sum())
         count += 3 * int(good.sum())
     return errors, float(-10.0 * np.log10(total / count)) if total > 0 else float("inf")
+
+
+def _tables(textures: Sequence[SpiralTexture]) -> residual_pass.Tables:
+    return dataclasses.replace(residual_pass.prepare(textures), coded=True)

@@ -99,6 +99,12 @@ def _errors_of(path: Path, photos: PhotoSet) -> PhotoSet:
         return _ERRORS[key]
 
 
+def forget_errors() -> None:
+    """Drop the photos' errors that this process has loaded."""
+    with _LOCK:
+        _ERRORS.clear()
+
+
 def sample_images(sources: Sources, which: int, closed: bool, first: int, last: int) -> tuple[Array, Array]:
     """Sample images `first` to `last` (exclusive) of texture `which` (gong-yang, sec. 4.2).
 

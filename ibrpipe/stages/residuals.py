@@ -4,14 +4,15 @@ For every direction of the spiral, parallel rays through the support rectangle f
 seen from that direction is blended from the best four photos, and the diffuse colour is subtracted. The result is then
 refined on the training photos (`refine`).
 
-Memory: 12 bytes a texel of all images for the differences, 12 more where the encoding needs the diffuse colours, and 16
-more while they are refined.
+Memory: the differences of all images, 12 bytes a texel, lie in scratch files (12 more where the encoding needs the
+diffuse colours); photos are rendered in batches whose images fit `memory_mb`.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -25,14 +26,16 @@ from ibrpipe.io.residuals import write_residuals
 from ibrpipe.progress import track
 from ibrpipe.stages.executor import current_executor
 from ibrpipe.stages.plan import TexturePlan, read_plan
-from ibrpipe.stages.refine import photo_errors
-from ibrpipe.stages.residual_units import Context, Sources, context_of, forget, project_errors, sample_images
+from ibrpipe.stages.refine import errors_in_batches
+from ibrpipe.stages.residual_sets import Samples, assemble, in_batches
+from ibrpipe.stages.residual_units import Sources, context_of, forget, forget_errors, project_errors, sample_images
+from ibrpipe.stages.scratch import hand_back, scratch_array
 from ibrpipe.stages.spiral_images import chunks, spiral_images
 from ibrpipe.stages.stage import Stage
-from ibrpipe.types import Array, SpiralResiduals, SpiralTexture
+from ibrpipe.types import Array
 
-#: texels of a work unit, about
-UNIT = 200_000
+#: texels of a work unit, about; units that are sent ahead
+UNIT, AHEAD = 200_000, 16
 ERRORS = "errors.partial.npy"
 
 
@@ -57,6 +60,13 @@ class ResidualsConfig(StageConfig):
         le=5,
         description="Rounds of refinement on the training photos; 0 = as published, more than 1 follows their noise",
     )
+    memory_mb: int = Field(
+        500,
+        ge=16,
+        le=1_000_000,
+        description="Memory for the residuals that the rendered training photos look up, megabytes; less means that "
+        "images are read more often",
+    )
     closed: bool = Field(True, description="Add the turn along the horizon that the published spiral leaves open")
 
 
@@ -79,36 +89,39 @@ class Outputs:
     files: tuple[Path, ...]
 
 
-@dataclass(eq=False)
-class Samples:
-    """Residuals of one texture before they are coded.
-
-    Attributes
-    ----------
-    which : index of the texture in the plan
-    difference : (T, 3) float32, colour minus diffuse colour in display code (1 = white); NaN = none
-    base : (T, 3) float32, diffuse colour, linear; None where the encoding does without
-    """
-
-    which: int
-    difference: Array
-    base: Array | None
-
-    @property
-    def valid(self) -> Array:
-        """(T,) bool, texels that hold a residual."""
-        return np.asarray(np.isfinite(self.difference).all(axis=1))
-
-
-def sample(sources: Sources, which: int, config: ResidualsConfig) -> Samples:
-    """Sample all directions of one texture, as published."""
+def sample(sources: Sources, which: int, config: ResidualsConfig, scratch: Path | None = None) -> Samples:
+    """Sample all directions of one texture, as published; into files of the folder `scratch` if there is one."""
     plan = context_of(sources).plans[which]
-    pool = current_executor()
-    runs = chunks(spiral_images(plan, config.closed)[1], UNIT)
-    pending = [pool.submit(sample_images, sources, which, config.closed, *run) for run in runs]
-    found = [work.result() for work in track(pending, f"residuals {plan.rectangle.name}")]
-    base = np.concatenate([part[1] for part in found]) if config.encoding == "half" else None
-    return Samples(which, np.concatenate([part[0] for part in found]), base)
+    images = spiral_images(plan, config.closed)[1]
+    texels = sum(image.texels for image in images)
+
+    def empty(name: str) -> Array:
+        if scratch is None:
+            return np.empty((texels, 3), np.float32)
+        return scratch_array(scratch / f"{name}_{which:02d}.partial", texels)
+
+    found = Samples(which, empty("difference"), empty("base") if config.encoding == "half" else None)
+    runs, end = chunks(images, UNIT), 0
+    done = in_order(sample_images, runs, sources, which, config.closed)
+    for difference, base in track(done, f"residuals {plan.rectangle.name}", len(runs)):
+        own = slice(end, end + len(difference))
+        found.difference[own], end = difference, own.stop
+        hand_back(found.difference)
+        if found.base is not None:
+            found.base[own] = base
+            hand_back(found.base)
+    return found
+
+
+def in_order(unit: Callable[..., Any], runs: Sequence[tuple[int, int]], *common: object) -> Iterator[Any]:
+    """Send units to the executor, some ahead of the one that is waited for, and yield what they find, in order."""
+    pool, pending = current_executor(), deque[Any]()
+    for run in runs:
+        pending.append(pool.submit(unit, *common, *run))
+        if len(pending) > AHEAD:
+            yield pending.popleft().result()
+    while pending:
+        yield pending.popleft().result()
 
 
 def refine(sources: Sources, samples: Sequence[Samples], scratch: Path, config: ResidualsConfig) -> list[float]:
@@ -119,60 +132,76 @@ def refine(sources: Sources, samples: Sequence[Samples], scratch: Path, config: 
     list of float
         PSNR of the training photos in their masks, on exact geometry and before coding: before every round and at last.
     """
-    context, pool, found = context_of(sources), current_executor(), []
+    context, found = context_of(sources), []
     for turn in range(config.refine + 1):
-        textures = [SpiralTexture(context.layers[s.which], uncoded(context, s, config.closed)) for s in samples]
-        errors, psnr = photo_errors(context, textures)
+        batches = in_batches(context, samples, config.closed, config.memory_mb * 1_000_000)
+        errors, psnr = errors_in_batches(context, batches)
         found.append(psnr)
         if turn == config.refine:
             return found
         np.save(scratch, errors)
+        del errors
         for s in samples:
             plan = context.plans[s.which]
-            runs = chunks(spiral_images(plan, config.closed)[1], UNIT)
-            pending = [pool.submit(project_errors, sources, scratch, s.which, config.closed, *run) for run in runs]
-            done = [work.result() for work in track(pending, f"refinement {plan.rectangle.name}")]
-            s.difference += np.concatenate(done)
+            runs, end = chunks(spiral_images(plan, config.closed)[1], UNIT), 0
+            done = in_order(project_errors, runs, sources, scratch, s.which, config.closed)
+            for correction in track(done, f"refinement {plan.rectangle.name}", len(runs)):
+                own = slice(end, end + len(correction))
+                s.difference[own] += correction
+                end = own.stop
+                hand_back(s.difference)
+        forget_errors()
         scratch.unlink()
     return found
 
 
-def uncoded(context: Context, samples: Samples, closed: bool) -> SpiralResiduals:
-    """Residuals as they are before coding: texels float32 in 255ths of the display code, `zero` 0."""
-    texels = np.float32(255) * np.where(samples.valid[:, None], samples.difference, np.float32(0))
-    return assemble(context.plans[samples.which], closed, texels, samples.valid, 0)
-
-
-def assemble(plan: TexturePlan, closed: bool, texels: Array, valid: Array, zero: int) -> SpiralResiduals:
-    """Put texels (T, 3) uint8 or float32 and the geometry of their images together."""
-    alphas, images = spiral_images(plan, closed)
-    sizes = np.array([(image.height, image.width) for image in images], np.int32)
-    starts = np.concatenate([[0], np.cumsum(sizes.astype(np.int64).prod(axis=1))])
-    directions = np.stack([image.direction for image in images])
-    return SpiralResiduals(plan.rectangle.edges, plan.k, alphas, directions, sizes, starts, texels, valid, zero, closed)
-
-
 def code(samples: Samples, config: ResidualsConfig) -> tuple[Array, Array, int, int]:
     """Code differences; return texels (T, 3), valid (T,), zero offset and how many valid texels were clamped."""
-    valid = samples.valid
+    count = len(samples.difference)
+    runs = [slice(start, min(start + UNIT, count)) for start in range(0, count, UNIT)]
+    valid, clamped = np.empty(count, bool), 0
     if samples.base is not None:
-        base, difference = samples.base[valid], samples.difference[valid]
-        texels = np.zeros(samples.difference.shape, np.float32)
-        texels[valid] = (srgb_decode(srgb_encode(base, np.inf) + difference) - base).astype(np.float16)
+        texels = np.zeros((count, 3), np.float32)
+        for run in runs:
+            part = Samples(samples.which, samples.difference[run], samples.base[run])
+            valid[run], texels[run] = part.valid, _linear(part)
+            hand_back(samples.difference)
+            hand_back(samples.base)
         return texels, valid, 0, 0
-    steps = np.zeros(samples.difference.shape, np.float32)
-    steps[valid] = np.round(255 * samples.difference[valid])
-    zero = choose_zero(steps[valid]) if config.zero == "auto" else config.zero
-    shifted = steps + zero
-    clamped = ((shifted < 0) | (shifted > 255)).any(axis=1) & valid
-    return np.clip(shifted, 0, 255).astype(np.uint8), valid, zero, int(clamped.sum())
+    zero = _best_zero(samples, runs) if config.zero == "auto" else config.zero
+    codes = np.empty((count, 3), np.uint8)
+    for run in runs:
+        steps, valid[run] = _steps(samples.difference[run])
+        shifted = steps + zero
+        clamped += int((((shifted < 0) | (shifted > 255)).any(axis=1) & valid[run]).sum())
+        codes[run] = np.clip(shifted, 0, 255).astype(np.uint8)
+        hand_back(samples.difference)
+    return codes, valid, zero, clamped
 
 
-def choose_zero(difference: Array) -> int:
-    """Zero offset that clamps fewest values of whole-number differences (V, 3); 32 where nothing clamps."""
-    if difference.size == 0:
-        return 32
-    counts = np.bincount(np.clip(difference, -255, 255).astype(np.int64).ravel() + 255, minlength=511)
+def _linear(samples: Samples) -> Array:
+    """Differences of linear light (T, 3) float32, rounded to half floats; 0 where there are none."""
+    valid, texels = samples.valid, np.zeros(samples.difference.shape, np.float32)
+    base = np.asarray(samples.base)[valid]
+    texels[valid] = (srgb_decode(srgb_encode(base, np.inf) + samples.difference[valid]) - base).astype(np.float16)
+    return texels
+
+
+def _steps(difference: Array) -> tuple[Array, Array]:
+    """Differences in whole 255ths (T, 3) float32, 0 where there are none, and where there are some (T,)."""
+    valid = np.asarray(np.isfinite(difference).all(axis=1))
+    steps = np.zeros(difference.shape, np.float32)
+    steps[valid] = np.round(255 * np.asarray(difference[valid]))
+    return steps, valid
+
+
+def _best_zero(samples: Samples, runs: Sequence[slice]) -> int:
+    """Zero offset that clamps fewest values; 32 where nothing clamps."""
+    counts = np.zeros(511, np.int64)
+    for run in runs:
+        steps, valid = _steps(samples.difference[run])
+        counts += np.bincount(np.clip(steps[valid], -255, 255).astype(np.int64).ravel() + 255, minlength=511)
+        hand_back(samples.difference)
     inside = [counts[255 - zero : 511 - zero].sum() for zero in range(256)]
     best = max(inside)
     return 32 if inside[32] == best else int(np.argmax(inside))
@@ -214,11 +243,14 @@ def run(inputs: Inputs, config: ResidualsConfig) -> Outputs:
     plans = read_plan(inputs.plan)
     wanted = [i for i, plan in enumerate(plans) if plan.residuals]
     try:
-        samples = [sample(sources, which, config) for which in wanted]
+        samples = [sample(sources, which, config, inputs.out) for which in wanted]
         psnr = refine(sources, samples, inputs.out / ERRORS, config) if samples else []
     finally:
         forget()
     written = [write_texture(plans[s.which], s, inputs.out, config) for s in samples]
+    samples.clear()  # some systems do not remove files that are mapped
+    for leftover in inputs.out.glob("*.partial"):
+        leftover.unlink()
     summary = inputs.out / "residuals.json"
     content = {"textures": [figures for _, figures in written], "training_psnr": [round(value, 3) for value in psnr]}
     summary.write_text(json.dumps(content, indent=1), encoding="utf-8")

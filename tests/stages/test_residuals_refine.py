@@ -14,11 +14,12 @@ import pytest
 
 from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.io.residuals import read_residuals
-from ibrpipe.stages import ingest, layers, plan, residuals
+from ibrpipe.stages import ingest, layers, plan, residual_sets, residuals
 from ibrpipe.stages.executor import executor
-from ibrpipe.stages.refine import photo_errors
+from ibrpipe.stages.refine import errors_in_batches, photo_errors
+from ibrpipe.stages.residual_sets import Samples, in_batches, uncoded
 from ibrpipe.stages.residual_units import Sources, context_of, forget, sample_images
-from ibrpipe.stages.residuals import ResidualsConfig, Samples, code, sample, uncoded
+from ibrpipe.stages.residuals import ResidualsConfig, code, sample
 from ibrpipe.stages.spiral_images import SpiralImage, chunks, spiral_images
 from ibrpipe.types import SpiralTexture
 
@@ -51,6 +52,7 @@ def test_refinement_brings_the_training_photos_nearer(sources: Sources, tmp_path
     assert refined[0] == published[0]
     assert refined[0] + 0.5 < refined[1] < refined[2]
     assert not list((tmp_path / "b").glob("*.npy"))  # the errors handed to the units are gone
+    assert not list((tmp_path / "b").glob("*.partial"))  # and the scratch files
 
 
 def test_bytes_do_not_depend_on_the_executor(sources: Sources, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,6 +64,34 @@ def test_bytes_do_not_depend_on_the_executor(sources: Sources, tmp_path: Path, m
     assert len(found) == 7  # six textures, one summary
     for path in found:
         assert (tmp_path / "inline" / path).read_bytes() == (tmp_path / "threads" / path).read_bytes()
+
+
+def test_bytes_do_not_depend_on_the_memory(sources: Sources, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    build(sources, tmp_path / "ample", quality=100)
+    monkeypatch.setattr(residual_sets, "TEXEL_BYTES", 1e6)  # so that hardly a texel fits: every photo by itself
+    monkeypatch.setattr(residuals, "UNIT", 3000)
+    build(sources, tmp_path / "scarce", quality=100, memory_mb=16)
+    found = sorted(path.relative_to(tmp_path / "ample") for path in (tmp_path / "ample").rglob("*.*"))
+    assert found == sorted(path.relative_to(tmp_path / "scarce") for path in (tmp_path / "scarce").rglob("*.*"))
+    for path in found:
+        assert (tmp_path / "ample" / path).read_bytes() == (tmp_path / "scarce" / path).read_bytes()
+
+
+def test_batches_hold_what_fits_and_every_photo_once(sources: Sources) -> None:
+    context = context_of(sources)
+    samples = [sample(sources, which, ResidualsConfig()) for which in (0, 1)]
+    whole = sum(len(s.difference) for s in samples)
+    ((every, textures),) = in_batches(context, samples, True, whole * residual_sets.TEXEL_BYTES)
+    assert list(every) == list(range(len(context.photos.cameras)))
+    errors, psnr = photo_errors(context, textures)
+    few = list(in_batches(context, samples, True, whole * residual_sets.TEXEL_BYTES // 2))
+    assert len(few) > 1
+    assert [p for photos, _ in few for p in photos] == list(every)
+    assert all(sum(len(t.residuals.texels) for t in part) <= whole // 2 for photos, part in few if len(photos) > 1)
+    again, psnr_again = errors_in_batches(context, few)
+    np.testing.assert_array_equal(again, errors)
+    assert psnr_again == psnr
+    forget()
 
 
 def test_a_unit_takes_paths_and_numbers_and_gives_the_same_in_another_process(sources: Sources) -> None:
