@@ -215,7 +215,9 @@ class Geometry(_Document):
     )
     parts_dropped: int | None = Field(None, description="Connected parts that were too small to keep")
     moved_to_outlines: dict[str, float] | None = Field(
-        None, description="Of the vertices moved to the masks' outlines: share; mean and most of all moves, voxels"
+        None,
+        description="Of the vertices moved to the masks' outlines: share; inferred = share moved more than a voxel, "
+        "which stand where masks put them rather than depth; mean and most of all moves, voxels",
     )
     two_sided: dict[str, float | str] | None = Field(
         None,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ibrpipe.stages.surface.finish import openings
+from ibrpipe.stages.surface.finish import Evidence, openings
 from ibrpipe.stages.surface.hull import Outline, outline_of
-from ibrpipe.stages.surface.rims import fitted, shape_of, unfolded
+from ibrpipe.stages.surface.rims import fitted, less_sure, shape_of, unfolded
 from ibrpipe.types import Camera, Mesh
 
 _KNOWN = np.ones((1, 1), bool)
@@ -103,6 +103,15 @@ def test_far_and_lonely_outlines_move_nothing() -> None:
     assert far[1].max() == 0
     two = fitted(_square(1 - pixel), [_square_outline(each) for each in cameras[:2]])
     assert two[1].max() == 0
+
+
+def test_what_was_moved_is_less_sure() -> None:
+    count = np.full(4, 3, np.int32)
+    found = Evidence(count, 0 * count, np.full(4, 0.8, np.float32))
+    less = less_sure(found, np.array([0.0, 0.1, 0.2, 0.5]), 0.1)
+    assert np.allclose(less.confidence, [0.8, 0.4, 0.0, 0.0], atol=1e-6)
+    assert less.confidence.dtype == np.float32
+    assert less.observations is count
 
 
 def test_no_face_turns_over() -> None:

@@ -18,7 +18,7 @@ from ibrpipe.stages.surface.doubt import contradicting, doubted
 from ibrpipe.stages.surface.finish import Evidence, Openings, evidence, face_areas, openings, simplified
 from ibrpipe.stages.surface.fusion import Cloud, FusionRules, fuse
 from ibrpipe.stages.surface.hull import Outline, hull_box, load_outlines
-from ibrpipe.stages.surface.rims import fitted
+from ibrpipe.stages.surface.rims import fitted, less_sure
 from ibrpipe.stages.surface.settings import SurfaceConfig
 from ibrpipe.stages.surface.shell import with_second_side
 from ibrpipe.stages.surface.ways import Made, Sources, make
@@ -90,6 +90,8 @@ def build_surface(
         mesh, moved = fitted(mesh, outlines)
     shell = with_second_side(mesh, fused.maps, step, config.truncation, config.two_sided)
     found = evidence(shell.mesh, fused.maps, 2.0 * step, shell.facing if shell.share else None)
+    every = np.concatenate([moved, moved[shell.facing[: len(moved)].any(axis=1)]])  # second sides move along
+    found = less_sure(found, every, step)
     facts = {
         "method": made.method,
         "filled_by_outlines": choice.fill and made.method != "volume",
@@ -101,6 +103,7 @@ def build_surface(
         "parts_dropped": made.dropped,
         "moved_to_outlines": {
             "share": float((moved > 0.1 * step).mean()),
+            "inferred": float((moved > step).mean()),
             "voxels_mean": float(moved.mean() / step),
             "voxels_most": float(moved.max() / step),
         },

@@ -9,12 +9,12 @@ picture stays.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ibrpipe.embree import MeshCaster
-from ibrpipe.stages.surface.finish import vertex_normals
+from ibrpipe.stages.surface.finish import Evidence, vertex_normals
 from ibrpipe.stages.surface.hull import Outline
 from ibrpipe.types import Array, Mesh
 
@@ -73,6 +73,24 @@ def fitted(mesh: Mesh, outlines: Sequence[Outline]) -> tuple[Mesh, Array]:
         move = spread(shape, *wanted(shape, outlines))
         mesh = Mesh(mesh.vertices + move * unfolded(mesh, move)[:, None], mesh.faces)
     return mesh, np.linalg.norm(mesh.vertices - start, axis=1)
+
+
+def less_sure(found: Evidence, moved: Array, step: float) -> Evidence:
+    """Take confidence from what was moved: a place that the masks infer is not one that depth maps show.
+
+    Maps count within two voxels of a place, so the confidence falls evenly to 0 over a move of two voxels.
+
+    Parameters
+    ----------
+    found : Evidence
+        Of the moved vertices.
+    moved : (V,) float64
+        Scene units.
+    step : float
+        Size of a voxel.
+    """
+    left = np.clip(1.0 - moved / (2.0 * step), 0.0, 1.0)
+    return replace(found, confidence=(found.confidence * left).astype(np.float32))
 
 
 def shape_of(mesh: Mesh) -> Shape:
