@@ -12,10 +12,10 @@ from typing import Any, Protocol
 import click
 
 from ibrpipe.io.manifest import Manifest
-from ibrpipe.progress import listening
+from ibrpipe.progress import current_whole, listening
 from ibrpipe.stages.runner import Event
 
-LINES_PER_BAR = 10
+LINES_PER_BAR, LINES_OF_A_WHOLE = 10, 20
 _SECONDS_BETWEEN_LINES = 2.0
 
 
@@ -30,7 +30,10 @@ class Display(Protocol):
 
 
 class LogDisplay:
-    """Plain lines on stderr, at most `LINES_PER_BAR` + 1 for each loop and none for loops that end at once."""
+    """Plain lines on stderr, at most `LINES_PER_BAR` + 1 for each loop and none for loops that end at once.
+
+    Loops that are parts of a whole share its lines, and the time left is that of the whole.
+    """
 
     def __init__(self) -> None:
         self._label = ""
@@ -39,15 +42,22 @@ class LogDisplay:
 
     def progress(self, label: str, done: int, total: int) -> None:
         """Write a line when another tenth is done and the last line is a while ago."""
-        now = time.monotonic()
-        if label != self._label or done == 0:
-            self._label, self._start, self._last, self._shown = label, now, now, 0
-        tenth = LINES_PER_BAR * done // max(total, 1)
-        if tenth <= self._shown or now - self._last < _SECONDS_BETWEEN_LINES:
+        now, around = time.monotonic(), current_whole()
+        key, lines = (label, LINES_PER_BAR) if around is None else (around.label, LINES_OF_A_WHOLE)
+        if key != self._label or (around is None and done == 0):
+            self._label, self._start, self._last, self._shown = key, now, now, 0
+        share = done / max(total, 1) if around is None else around.share
+        part = int(lines * share + 1e-9)
+        if part <= self._shown or now - self._last < _SECONDS_BETWEEN_LINES:
             return
-        self._last, self._shown = now, tenth
-        left = (now - self._start) * (total - done) / done
-        self.say(f"  {label}: {done}/{total}" + (f", {duration(left)} left" if done < total else ""))
+        self._last, self._shown = now, part
+        if around is None:
+            left = (now - self._start) * (total - done) / done if done < total else None
+            self.say(f"  {label}: {done}/{total}" + ("" if left is None else f", {duration(left)} left"))
+        else:
+            left = around.left()
+            told = "" if left is None else f", about {duration(left)} left"
+            self.say(f"  {around.label}: {share:.0%}{told} ({label}: {done}/{total})")
 
     def say(self, text: str) -> None:
         """Write one line."""
@@ -55,15 +65,16 @@ class LogDisplay:
 
 
 class TerminalDisplay:
-    """Live bars with the time left, by rich, on stderr."""
+    """Live bars with the time left, by rich, on stderr; above the bar of a loop that of the whole it belongs to."""
 
     def __init__(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, Progress, TextColumn
 
-        columns = (TextColumn("  {task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        columns = (TextColumn("  {task.description}"), BarColumn(), TextColumn("{task.fields[count]}"), _time_left())
         self._bars = Progress(*columns, console=Console(stderr=True, highlight=False), transient=True)
         self._tasks: dict[str, Any] = {}
+        self._starts: dict[str, float] = {}
 
     def __enter__(self) -> TerminalDisplay:
         self._bars.start()
@@ -76,15 +87,43 @@ class TerminalDisplay:
 
     def progress(self, label: str, done: int, total: int) -> None:
         """Move the bar `label`; it vanishes when it is full."""
-        if label not in self._tasks:
-            self._tasks[label] = self._bars.add_task(label, total=total)
-        self._bars.update(self._tasks[label], completed=done, total=total)
+        around, left = current_whole(), None
+        if around is not None:
+            self._move(around.label, around.share, f"{around.share:.0%}", around.left())
+        elif done > 0:
+            left = (time.monotonic() - self._starts.get(label, time.monotonic())) * (total - done) / done
+        self._move(label, done / max(total, 1), f"{done}/{total}", left)
         if done >= total:
             self._bars.remove_task(self._tasks.pop(label))
+
+    def _move(self, label: str, share: float, count: str, left: float | None) -> None:
+        now = time.monotonic()
+        if label not in self._tasks:
+            self._tasks[label] = self._bars.add_task(label, total=1.0, count=count, ends=None)
+            self._starts[label] = now
+        self._bars.update(self._tasks[label], completed=share, count=count, ends=None if left is None else now + left)
 
     def say(self, text: str) -> None:
         """Print one line above the bars."""
         self._bars.console.print(text, markup=False, soft_wrap=True)
+
+
+def _time_left() -> Any:
+    """Return a column that counts down to the time at which a bar should be full."""
+    from rich.progress import ProgressColumn, Task
+    from rich.text import Text
+
+    class TimeLeft(ProgressColumn):
+        """Time left, from ``ends`` of the task."""
+
+        def render(self, task: Task) -> Text:
+            """Write it as rich's own column does."""
+            ends = task.fields.get("ends")
+            if ends is None:
+                return Text("")
+            return Text(f"{duration(max(ends - time.monotonic(), 0.0))} left", style="progress.remaining")
+
+    return TimeLeft()
 
 
 @contextmanager
@@ -102,7 +141,8 @@ def display() -> Iterator[Display]:
 def told(event: Event) -> str:
     """Return what happens to a stage in words: one line, and below it what the stage itself has to tell."""
     if event.kind == "starts":
-        return f"{event.stage}: starts ({event.text})"
+        where = "" if event.place is None else f", stage {event.place[0]} of {event.place[1]}"
+        return f"{event.stage}: starts ({event.text}){where}"
     if event.kind == "skipped":
         return f"{event.stage}: up to date"
     lines = [f"{event.stage}: done in {cost(event.manifest)}" if event.manifest else event.stage]

@@ -14,11 +14,12 @@ from pydantic import Field
 import ibrpipe
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
+from ibrpipe.errors import CaptureError
 from ibrpipe.io.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import View, ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.stages.contest import Contest, make_contest
-from ibrpipe.stages.geometry_scores import GeometryRules, filled_vertices, find_truth, measure_geometry
+from ibrpipe.stages.geometry_scores import GeometryRules, filled_vertices, measure_geometry
 from ibrpipe.stages.held_out import held_out_views, load_truth, read_frames
 from ibrpipe.stages.machine import describe_machine
 from ibrpipe.stages.metrics import GeometryScores, MetricsModel, Scores, ViewMetrics, mean_scores, write_metrics
@@ -30,6 +31,7 @@ from ibrpipe.stages.scores import highlight_pixels, score_frame, to_srgb8
 from ibrpipe.stages.sizes import bytes_of, seconds_of
 from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.timing import time_ways, timed_size
+from ibrpipe.stages.true_surface import TrueSurface, find_truth, placed_truth
 from ibrpipe.types import Camera, Mesh
 
 T = TypeVar("T")
@@ -51,7 +53,9 @@ class EvaluateConfig(StageConfig):
     timing_seconds: float = Field(default=20.0, gt=0, description="Time for all timing; slow ways take fewer turns, s")
     report_views: int = Field(default=8, ge=0, le=1000, description="Views that the report shows in pictures")
     truth: str | None = Field(
-        None, description="True mesh to measure a reconstructed one against; absent = the capture's own, if withheld"
+        None,
+        description="True mesh to measure a reconstructed one against; absent = the capture's own, if withheld, or "
+        "truth/mesh.ply in the capture",
     )
     surface_thresholds: tuple[float, ...] = Field(
         (0.0025, 0.005, 0.01), description="Distances of the F-scores, shares of the true surface's diagonal"
@@ -100,7 +104,7 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     views = read_views(inputs.views)
     tested, frames = held_out_views(views), read_frames(inputs.frames)
     mesh = read_mesh(inputs.mesh)
-    geometry, surfaces = _surface(inputs, config, mesh, views)
+    truth, geometry, surfaces = _surface(inputs, config, mesh, views)
     caster = MeshCaster(mesh, threads=numba.get_num_threads())
     contest = make_contest(ibrpipe.read_asset(inputs.asset), frames, caster, load_photos(views.train, caster))
     scored, pictures = _score_all(contest, tested, config)
@@ -114,6 +118,7 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
         renderers=renderers,
         baselines={name: _mean([view.baselines[name] for view in scored], speeds[name]) for name in contest.baselines},
         geometry=geometry,
+        geometry_truth=None if truth is None else truth.told,
         bytes=bytes_of(inputs.asset, views.train, inputs.mesh),
         seconds={**seconds_of(inputs.run, STAGE.name), STAGE.name: perf_counter() - began},
         machine=describe_machine(),
@@ -122,24 +127,47 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     outputs = Outputs(inputs.out / "metrics.json", inputs.out / "report.html")
     write_metrics(metrics, outputs.metrics)
     write_report(outputs.report, metrics, pictures, read_sources(views, inputs.run, inputs.mesh), surfaces)
+    if truth is not None:
+        (inputs.out / "summary.txt").write_text(_told(truth, geometry), encoding="utf-8")
     return outputs
+
+
+def _truth(inputs: Inputs, config: EvaluateConfig, views: ViewSet) -> TrueSurface | None:
+    capture = Path(views.info["capture"]) if "capture" in views.info else None
+    named = None if config.truth is None else Path(config.truth)
+    found = find_truth(named, inputs.given, inputs.mesh, capture)
+    return None if found is None else placed_truth(found, views.train, capture, inputs.run)
 
 
 def _surface(
     inputs: Inputs, config: EvaluateConfig, mesh: Mesh, views: ViewSet
-) -> tuple[GeometryScores | None, list[SurfacePictures]]:
+) -> tuple[TrueSurface | None, GeometryScores | None, list[SurfacePictures]]:
     """Measure the surface where there is a truth, and draw it where it was made from photos."""
-    found = find_truth(None if config.truth is None else Path(config.truth), inputs.given, inputs.mesh)
-    scores, true = None, None
-    if found is not None:
+    truth, scores = _truth(inputs, config, views), None
+    if truth is not None and truth.mesh is not None:
         rules = GeometryRules(config.surface_thresholds, config.surface_samples)
         dense, filled = inputs.mesh.parent / "dense", filled_vertices(inputs.mesh)
-        scores, true = measure_geometry(mesh, found, views.train, dense, rules, filled)
+        try:
+            scores = measure_geometry(mesh, truth.mesh, truth.path.name, views.train, dense, rules, filled)
+        except CaptureError as error:
+            if config.truth is not None:
+                raise
+            truth = TrueSurface(truth.path, None, f"{truth.told}, but was not measured against: {error}")
+    true = None if truth is None else truth.mesh
     confidence = read_vertex_values(inputs.mesh).get("confidence") if inputs.mesh.suffix == ".ply" else None
     if true is None and confidence is None:
-        return None, []
+        return truth, None, []
     shown = _spread(views.test or views.train, config.surface_views)
-    return scores, draw_surface(mesh, shown, config.picture_width, confidence, true)
+    return truth, scores, draw_surface(mesh, shown, config.picture_width, confidence, true)
+
+
+def _told(truth: TrueSurface, scores: GeometryScores | None) -> str:
+    """Say in two lines at most what the surface is worth."""
+    lines = [truth.told]
+    if scores is not None:
+        each = ", ".join(f"{score.f_score:.3f} at {100 * score.share:g} %" for score in scores.thresholds)
+        lines.append(f"F-score of the surface {each} of the diagonal")
+    return "\n".join(lines) + "\n"
 
 
 def _score_all(

@@ -19,13 +19,15 @@ from ibrpipe.io.manifest import digest, write_json
 from ibrpipe.io.meshes import read_mesh, write_mesh
 from ibrpipe.io.points import read_points
 from ibrpipe.io.views import View, ViewSet, load_view, read_views
-from ibrpipe.progress import track
+from ibrpipe.progress import Part, track, whole
 from ibrpipe.stages.audit import Surface, rounded
 from ibrpipe.stages.coverage import spread_points
 from ibrpipe.stages.dense import DepthConfig, estimate_depths
+from ibrpipe.stages.dense.effort import depth_parts, megapixels
 from ibrpipe.stages.dense.spacing import spacing_of, warning
 from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.surface.build import build_surface
+from ibrpipe.stages.surface.effort import surface_parts
 from ibrpipe.stages.surface.given import given_maps
 from ibrpipe.stages.surface.settings import SurfaceConfig
 from ibrpipe.stages.workplace import kept_folder
@@ -87,13 +89,20 @@ def run(inputs: Inputs, config: GeometryConfig) -> Outputs:
         write_mesh(mesh, inputs.out / "mesh.ply")
         document: dict[str, Any] = {"decision": "given", "reason": "the capture has a mesh", **_counts(mesh)}
     else:
-        document = _from_photos(views, inputs, config)
+        with whole(STAGE.name, _parts(views, config)):
+            document = _from_photos(views, inputs, config)
     outputs = Outputs(inputs.out / "mesh.ply", inputs.out / "geometry.json")
     write_json(outputs.geometry, {"schema": SCHEMA, **document})
     if document.get("warnings"):
         told = "".join(f"warning: {line}\n" for line in document["warnings"])
         (inputs.out / "summary.txt").write_text(told, encoding="utf-8")
     return outputs
+
+
+def _parts(views: ViewSet, config: GeometryConfig) -> list[Part]:
+    """Return the loops that may run, with what they cost; those of depth end unheard where depth is given."""
+    depth = [] if config.surface.method == "hull" else depth_parts(views.train, config.depth)
+    return [*depth, *surface_parts(megapixels(views.train, config.depth.max_size, 1))]
 
 
 def _from_photos(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.io.dense import Workspace
-from ibrpipe.io.meshes import read_mesh, read_vertex_values
+from ibrpipe.io.meshes import read_vertex_values
 from ibrpipe.io.views import View
 from ibrpipe.stages.depth_error import DepthError, depth_error, maps_of
 from ibrpipe.stages.metrics import DepthScores, GeometryScores, ThresholdScores
@@ -34,17 +33,6 @@ class GeometryRules:
     samples: int = 60_000
 
 
-def find_truth(named: Path | None, given: Path | None, mesh: Path) -> Path | None:
-    """Return the true mesh: the one that is named, else the capture's own where the run's was made without it."""
-    if named is not None:
-        return named
-    document = mesh.parent / "geometry.json"
-    if given is None or not document.is_file():
-        return None
-    decision = json.loads(document.read_text(encoding="utf-8")).get("decision", "given")
-    return None if decision == "given" else given
-
-
 def filled_vertices(mesh: Path) -> Array | None:
     """Return which vertices of a mesh file no depth map shows, (V,) bool; None where the file does not tell."""
     observations = read_vertex_values(mesh).get("observations") if mesh.suffix.lower() == ".ply" else None
@@ -53,22 +41,22 @@ def filled_vertices(mesh: Path) -> Array | None:
 
 def measure_geometry(
     mesh: Mesh,
-    truth: Path,
+    true: Mesh,
+    name: str,
     views: Sequence[View],
     dense: Path | None,
     rules: GeometryRules,
     filled: Array | None = None,
-) -> tuple[GeometryScores, Mesh]:
-    """Compare a surface, and the depth maps in the folder `dense`, with the true mesh; also return that mesh.
+) -> GeometryScores:
+    """Compare a surface, and the depth maps in the folder `dense`, with the true mesh, which is called `name`.
 
     `filled` (V,) bool marks vertices that no depth map shows.
     """
-    true = read_mesh(truth)
     error = compare_surfaces(mesh, true, views, rules.thresholds, rules.samples, filled)
     maps = maps_of(Workspace(dense), views) if dense is not None and dense.is_dir() else ()
     distances = [share * error.diagonal for share in rules.thresholds]
     depth = depth_error(maps, MeshCaster(true), distances) if maps else None
-    return scores_of(error, truth.name, rules, depth), true
+    return scores_of(error, name, rules, depth)
 
 
 def scores_of(error: SurfaceError, name: str, rules: GeometryRules, depth: DepthError | None = None) -> GeometryScores:

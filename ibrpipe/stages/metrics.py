@@ -120,6 +120,10 @@ class MetricsModel(_Record):
     geometry: GeometryScores | None = Field(
         default=None, description="Error of the surface; null = it was given, or no true mesh is known"
     )
+    geometry_truth: str | None = Field(
+        default=None,
+        description="Where the true surface comes from and how it was placed, or why nothing was measured; null = none",
+    )
     bytes: dict[str, int] = Field(description="Sizes on disk: asset and its parts, photos, masks, mesh")
     seconds: dict[str, float] = Field(description="Seconds by stage, from the stages' manifests")
     machine: Machine

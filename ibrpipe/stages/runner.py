@@ -38,12 +38,15 @@ class Event:
     stage : str
     kind : str
         "starts" (`text` says why), "done" (`manifest` says the cost, `text` what came of it) or "skipped".
+    place : tuple of int or None
+        Which stage it is of how many that were asked for, (k, n); None = it was asked for alone.
     """
 
     stage: str
     kind: str
     text: str = ""
     manifest: Manifest | None = None
+    place: tuple[int, int] | None = None
 
 
 Report = Callable[[Event], None]
@@ -179,14 +182,19 @@ def run_pipeline(run: Run, stages: Sequence[Stage], report: Report = _silent) ->
         _record(run, capture)
         hasher = Hasher(run.out / ".hashes.json")
         try:
-            for stage in chosen:
+            for number, stage in enumerate(chosen, 1):
                 fields = wire(stage, run.out, capture, run.pipeline.seed)
                 config = run.pipeline.configs[stage.name]
                 job = Job(stage, fields, config, run.out / stage.place, _keys(stage, stages, run.out))
-                done[stage.name] = run_job(job, hasher, run.force, report)
+                done[stage.name] = run_job(job, hasher, run.force, _placed(report, number, len(chosen)))
         finally:
             hasher.remember()
     return done
+
+
+def _placed(report: Report, number: int, count: int) -> Report:
+    """Return a report that also tells which stage of how many it is about."""
+    return lambda event: report(dataclasses.replace(event, place=(number, count)))
 
 
 def _chosen(run: Run, stages: Sequence[Stage]) -> list[Stage]:

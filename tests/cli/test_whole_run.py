@@ -78,7 +78,7 @@ def test_second_run_skips_all_and_is_quick(copy: Path) -> None:
 def test_a_changed_setting_runs_only_what_depends_on_it(copy: Path) -> None:
     result = run(copy, "--set", "render.width=48", "--until", "render")
     assert started(result) == ["render"]
-    assert "render: starts (settings changed: width)" in result.stderr
+    assert "render: starts (settings changed: width), stage " in result.stderr
 
 
 def test_single_stage_writes_the_same_as_the_run(finished: Path, copy: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from plane_scene import HEIGHT, PLACES, WIDTH, camera_at, take, true_depth
 
 from ibrpipe.io.dense import DepthMap
-from ibrpipe.io.views import View
+from ibrpipe.io.views import View, ViewSet
 from ibrpipe.stages import geometry
 from ibrpipe.stages.dense.spacing import Spacing, angles_between, spacing_of, warning
 from ibrpipe.stages.documents import Geometry
@@ -77,7 +77,8 @@ def test_the_warning_is_in_the_document_the_report_and_what_the_stage_tells(
     assert Geometry.model_validate({"schema": 1, **document}).spacing_deg == found["spacing_deg"]
     assert surface_sentences(None, document)[0] == f"Warning: {found['warnings'][0]}."
     monkeypatch.setattr(geometry, "_from_photos", lambda *_: document)
-    monkeypatch.setattr(geometry, "read_views", lambda _: None)
+    views = tuple(each.view for each in ring_or_sphere(40, False))
+    monkeypatch.setattr(geometry, "read_views", lambda _: ViewSet(views))
     outputs = geometry.run(geometry.Inputs(tmp_path / "views.json", 0, tmp_path), geometry.GeometryConfig())
     assert json.loads(outputs.geometry.read_text(encoding="utf-8"))["warnings"] == found["warnings"]
     assert (tmp_path / "summary.txt").read_text(encoding="utf-8") == f"warning: {found['warnings'][0]}\n"

@@ -16,7 +16,7 @@ from ibrpipe.io.dense import Workspace, write_map
 from ibrpipe.io.meshes import write_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.stages.depth_error import depth_error, maps_of
-from ibrpipe.stages.geometry_scores import GeometryRules, find_truth, measure_geometry
+from ibrpipe.stages.geometry_scores import GeometryRules, measure_geometry
 from ibrpipe.stages.report.surface_pictures import draw_surface, shade
 from ibrpipe.stages.report.surface_words import surface_sentences
 from ibrpipe.stages.surface_error import compare_surfaces
@@ -103,23 +103,10 @@ def test_depth_maps_are_held_against_the_truth(ball, tmp_path: Path) -> None:
     assert depth_error((), caster, (0.01,)) is None
 
 
-def test_the_truth_is_the_withheld_mesh_or_the_named_one(tmp_path: Path) -> None:
-    mesh, given = tmp_path / "mesh.ply", tmp_path / "given.ply"
-    assert find_truth(None, given, mesh) is None
-    document = tmp_path / "geometry.json"
-    document.write_text(json.dumps({"decision": "given"}))
-    assert find_truth(None, given, mesh) is None
-    document.write_text(json.dumps({"decision": "photos"}))
-    assert find_truth(None, given, mesh) == given
-    assert find_truth(Path("other.ply"), given, mesh) == Path("other.ply")
-
-
 def test_figures_and_words(ball, tmp_path: Path) -> None:
     views, truth = ball
-    write_mesh(truth, tmp_path / "true.ply")
     rules = GeometryRules((0.001, 0.01), 2000)
-    scores, true = measure_geometry(_scaled(truth, 1.01), tmp_path / "true.ply", views, None, rules)
-    assert len(true.faces) == len(truth.faces)
+    scores = measure_geometry(_scaled(truth, 1.01), truth, "true.ply", views, None, rules)
     assert [score.f_score for score in scores.thresholds] == [0, 1]
     assert scores.depth is None
     document = {"method": "poisson", "reason": "why", "faces": 12345, "unseen_share": 0.02, "boundary_loops": 1}

@@ -13,12 +13,12 @@ from ibrpipe.io.points import SparsePoints
 from ibrpipe.io.views import View
 from ibrpipe.progress import track
 from ibrpipe.stages.dense.consistency import keep_agreed
+from ibrpipe.stages.dense.effort import AGREEMENT, PAIRS, label_of, rounds_of
 from ibrpipe.stages.dense.job import Job
 from ibrpipe.stages.dense.matching import run_pass
 from ibrpipe.stages.dense.neighbours import neighbourhoods
 from ibrpipe.stages.dense.pairs import run_pairs
 from ibrpipe.stages.dense.pictures import forget_pictures
-from ibrpipe.stages.dense.scales import map_size, passes
 from ibrpipe.stages.dense.settings import DepthConfig
 from ibrpipe.stages.dense.spacing import angles_between
 from ibrpipe.stages.executor import current_executor
@@ -78,13 +78,11 @@ def estimate_depths(
 
 def _by_planes(job: Job) -> list[float]:
     """Run all rounds over all views, then write what is kept; return the seconds of each view."""
-    longest = max(max(map_size(view.camera, job.config.max_size)) for view in job.views)
-    rounds = passes(longest, job.config)
+    rounds = rounds_of(job.views, job.config)
     seconds = [0.0] * len(job.views)
     first = 1 + max((order.number for order in rounds if job.whole(order.number)), default=-1)
     for order in rounds[first:]:
-        label = f"depth {order.number + 1}/{len(rounds)}"
-        for i, spent in enumerate(_everywhere(run_pass, job, label, order)):
+        for i, spent in enumerate(_everywhere(run_pass, job, label_of(order, rounds), order)):
             seconds[i] += spent
         if order.number > 0:
             shutil.rmtree(job.state_file(order.number - 1, 0).parent, ignore_errors=True)
@@ -93,7 +91,7 @@ def _by_planes(job: Job) -> list[float]:
 
 def _by_pairs(job: Job) -> list[float]:
     """Match all views by rectified pairs, then write what is kept; return the seconds of each view."""
-    seconds = _everywhere(run_pairs, job, "depth by pairs")
+    seconds = _everywhere(run_pairs, job, PAIRS)
     if not any((job.planes(0, which, 1) > 0).any() for which in range(len(job.views))):
         raise CaptureError(
             "no photo can be rectified with a neighbour, or none of the pairs match: the camera moved along its "
@@ -103,7 +101,7 @@ def _by_pairs(job: Job) -> list[float]:
 
 
 def _agreed(job: Job, seconds: list[float], number: int) -> list[float]:
-    after = _everywhere(keep_agreed, job, "depth maps", number)
+    after = _everywhere(keep_agreed, job, AGREEMENT, number)
     forget_pictures()
     return [one + other for one, other in zip(seconds, after, strict=True)]
 

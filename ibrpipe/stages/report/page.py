@@ -74,7 +74,7 @@ def render_page(
         total_seconds=sum(metrics.seconds.values()),
         heat=_gradient(heat_colors()),
         surfaces=surfaces,
-        surface_lines=surface_sentences(metrics.geometry, sources.geometry),
+        surface_lines=surface_sentences(metrics.geometry, sources.geometry, metrics.geometry_truth),
         error_ramp=_gradient(error_colors()),
         confidence_ramp=_gradient(confidence_colors()),
         worst=100 * WORST,

@@ -14,9 +14,12 @@ _METHODS = {
 }
 
 
-def surface_sentences(scores: GeometryScores | None, document: Mapping[str, Any] | None) -> list[str]:
-    """Return what the report says of the surface; nothing of a given one without a truth."""
+def surface_sentences(
+    scores: GeometryScores | None, document: Mapping[str, Any] | None, truth: str | None = None
+) -> list[str]:
+    """Return what the report says of the surface; nothing of a given one without a truth, of which `truth` tells."""
     sentences = [] if document is None else _made(document)
+    sentences += [] if truth is None else [f"{truth}."]
     if scores is not None:
         sentences += _measured(scores)
     return sentences
