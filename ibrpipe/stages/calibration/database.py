@@ -16,6 +16,7 @@ from ibrpipe.io.pycolmap_import import import_pycolmap
 from ibrpipe.stages.calibration.features import Features
 from ibrpipe.stages.calibration.lenses import Start
 from ibrpipe.stages.calibration.nearest import matching
+from ibrpipe.stages.calibration.prospects import may_share_geometry
 from ibrpipe.stages.calibration.pairs import Pair
 from ibrpipe.types import Array
 
@@ -125,24 +126,34 @@ def match(
     progress(0)
     for start in range(0, len(pairs), BATCH):
         batch = pairs[start : start + BATCH]
-        _write_matches(path, features, batch, threads)
-        listed.write_text("".join(f"{_name(i)} {_name(j)}\n" for i, j in batch), encoding="utf-8")
-        pycolmap.verify_matches(str(path), str(listed), checking)
+        worth = _write_matches(path, features, batch, threads)
+        if worth:
+            listed.write_text("".join(f"{_name(i)} {_name(j)}\n" for i, j in worth), encoding="utf-8")
+            pycolmap.verify_matches(str(path), str(listed), checking)
         progress(min(start + BATCH, len(pairs)))
     return Matched(path, _inliers(path, len(features)))
 
 
-def _write_matches(path: Path, features: Sequence[Features], pairs: Sequence[Pair], threads: int) -> None:
+def _write_matches(path: Path, features: Sequence[Features], pairs: Sequence[Pair], threads: int) -> list[Pair]:
+    """Match what is not matched yet; return the pairs whose matches may have a common geometry."""
+
     def matches(pair: Pair) -> Array:
         one, other = (features[n].descriptors.astype(np.float32) for n in pair)
         return matching(one, other)
+
+    def hopeful(pair: Pair, matched: Array) -> bool:
+        one, other = (features[n].keypoints[matched[:, k], :2] for k, n in enumerate(pair))
+        return may_share_geometry(one, other)
 
     database = import_pycolmap().Database.open(str(path))
     missing = [(i, j) for i, j in pairs if not database.exists_matches(i + 1, j + 1)]
     with ThreadPoolExecutor(threads) as pool:
         for (i, j), found in zip(missing, pool.map(matches, missing)):
             database.write_matches(i + 1, j + 1, found)
+        stored = [np.asarray(database.read_matches(i + 1, j + 1)) for i, j in pairs]
+        hopes = list(pool.map(hopeful, pairs, stored))
     database.close()
+    return [pair for pair, hope in zip(pairs, hopes) if hope]
 
 
 def _inliers(path: Path, count: int) -> Array:
