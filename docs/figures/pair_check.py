@@ -30,6 +30,7 @@ database.close()
 
 
 def hopeful(pair: tuple[int, int]) -> bool:
+    """Say whether the quick look lets a pair through."""
     return may_share_geometry(*(places[key][matches[pair][:, k]] for k, key in enumerate(pair)))
 
 
@@ -55,8 +56,12 @@ with ThreadPoolExecutor(2) as pool:
     chosen = [pair for pair, hope in zip(pairs, pool.map(hopeful, pairs)) if hope]
 looked = time.perf_counter()
 some = check(chosen)
-print(f"{len(pairs)} pairs; the quick look lets {len(chosen)} through in {looked - start:.1f} s")
-print(f"COLMAP's check of these: {time.perf_counter() - looked:.1f} s, {len(some)} pairs, {sum(some.values())} matches")
+sys.stdout.write(f"{len(pairs)} pairs; the quick look lets {len(chosen)} through in {looked - start:.1f} s\n")
+sys.stdout.write(
+    f"COLMAP's check of these: {time.perf_counter() - looked:.1f} s, {len(some)} pairs, {sum(some.values())} matches\n"
+)
 start = time.perf_counter()
 every_one = check(pairs)
-print(f"of all: {time.perf_counter() - start:.1f} s; {'the same result' if every_one == some else 'another result'}")
+sys.stdout.write(
+    f"of all: {time.perf_counter() - start:.1f} s; {'the same result' if every_one == some else 'another result'}\n"
+)

@@ -144,6 +144,16 @@ class CalibrationFinding(_Document):
     remedy: str = Field(description="What to do")
 
 
+class PhotoSpacing(_Document):
+    """How far apart calibrated photos stand, told by what they share; medians over the photos."""
+
+    nearest_deg: float = Field(description="Angle to the nearest partner at the points that both see, degrees")
+    second_deg: float = Field(description="Angle to the second nearest")
+    matched: float = Field(description="Share of a photo's features that match its best partner")
+    widest: tuple[str, str] = Field(description="A photo and its nearest partner, where they are farthest apart")
+    widest_deg: float = Field(description="Angle between these two")
+
+
 class Spread(_Document):
     """Two figures of many values."""
 
@@ -172,6 +182,7 @@ class Calibration(_Document):
     lenses: list[CalibratedLens] = Field(default=[], description="All lenses")
     photos: list[CalibratedPhoto] = Field(default=[], description="All photos, the left-out ones included")
     other_models: list[list[str]] = Field(default=[], description="Photos that hang together but not with the rest")
+    spacing: PhotoSpacing | None = Field(None, description="How far apart the photos stand; null = too few in common")
     findings: list[CalibrationFinding] = Field(default=[], description="What to know, and what to do")
     peak_memory_bytes: int | None = Field(None, description="Largest resident memory of the child process")
 

@@ -11,7 +11,7 @@ from ibrpipe.types import Array
 
 
 def matches(seed: int, good: int, bad: int, flat: bool = False) -> tuple[Array, Array]:
-    """Places in two photos of 1600 x 1200 of `good` points with a pixel's noise, and of `bad` wrong matches; shuffled."""
+    """Places in two photos of 1600 x 1200: of `good` points with a pixel's noise, and of `bad` wrong matches."""
     random = np.random.default_rng(seed)
     points = random.uniform(0.0, 1.5, (good, 3))
     points[:, 2] *= not flat

@@ -16,8 +16,8 @@ from ibrpipe.io.pycolmap_import import import_pycolmap
 from ibrpipe.stages.calibration.features import Features
 from ibrpipe.stages.calibration.lenses import Start
 from ibrpipe.stages.calibration.nearest import matching
-from ibrpipe.stages.calibration.prospects import may_share_geometry
 from ibrpipe.stages.calibration.pairs import Pair
+from ibrpipe.stages.calibration.prospects import may_share_geometry
 from ibrpipe.types import Array
 
 #: Pairs that are matched between two reports of progress

@@ -1,7 +1,7 @@
 """A quick look at the matches of two photos: whether COLMAP's thorough check of a common geometry is worth its time.
 
-COLMAP tries up to 10000 samples for each of several models before it gives a pair up. OpenCV's search (raguram2013, USAC)
-gives up early, and takes a fiftieth of the time of wrong pairs.
+COLMAP tries up to 10000 samples for each of several models before it gives a pair up. OpenCV's search (USAC) gives
+wrong pairs up early.
 """
 
 from __future__ import annotations

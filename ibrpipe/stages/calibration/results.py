@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from ibrpipe.io.lenses import Lens, project
 from ibrpipe.stages.calibration.features import Features
 from ibrpipe.stages.calibration.job import Job
 from ibrpipe.stages.calibration.lenses import Start, angle_of_view
+from ibrpipe.stages.calibration.spacing import Spacing, spacing_of, words
 from ibrpipe.stages.calibration.world import Placed
 from ibrpipe.stages.provenance import peak_memory
 from ibrpipe.types import Array
@@ -66,6 +68,7 @@ def figures(
         )
         for image in _first_of_each_lens(model.images)
     ]
+    spacing = spacing_of(model, [each["best_matches"] / each["features"] for each in photos if each["registered"]])
     return {
         "registered": len(model.images),
         "photos_given": len(job.photos),
@@ -78,7 +81,8 @@ def figures(
         "lenses": lenses,
         "photos": photos,
         "other_models": [[image.name for image in each.images] for each in models[1:]],
-        "findings": _findings(job, features, inliers, photos, models, starts),
+        "spacing": None if spacing is None else asdict(spacing),
+        "findings": _findings(job, features, inliers, photos, models, starts, spacing),
         "peak_memory_bytes": peak_memory(),
     }
 
@@ -145,6 +149,7 @@ def _findings(
     photos: Sequence[dict[str, Any]],
     models: Sequence[SparseModel],
     starts: Sequence[Start],
+    spacing: Spacing | None,
 ) -> list[dict[str, str]]:
     findings = [_bridge(job, inliers, models[0], other) for other in models[1:]]
     for index, photo in enumerate(photos):
@@ -155,6 +160,8 @@ def _findings(
         if photo["registered"] and photo["points"] < WEAK:
             text = f"stands on {photo['points']} points only, its pose may be wrong"
             findings.append(_finding("warning", photo["name"], text, "take more photos close to this one"))
+    if spacing is not None and spacing.too_wide:
+        findings.append(_finding("warning", "photos", *words(spacing, len(models[0].images))))
     if any(start.source == "guess" for start in starts):
         text = "no focal length in the photos' tags; it was found from a guess"
         findings.append(_finding("note", "lens", text, "nothing to do if the angle of view looks right"))
@@ -178,6 +185,8 @@ def _bridge(job: Job, inliers: Array, main: SparseModel, other: SparseModel) -> 
 
 
 def _left_out(photo: dict[str, Any], found: Features) -> dict[str, str]:
+    if found.covered == 0:
+        return _finding("warning", photo["name"], "is left out: its mask keeps no pixel", "correct or remove the mask")
     if photo["features"] < WEAK:
         why = f"only {photo['features']} features" + (" inside its mask" if found.covered < 1 else "")
         return _finding(

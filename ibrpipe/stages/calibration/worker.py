@@ -24,6 +24,8 @@ from ibrpipe.stages.calibration.results import figures
 from ibrpipe.stages.calibration.world import Worlds, place_model
 
 Say = Callable[[str, int, int], None]
+#: COLMAP begins with two photos that share so many matches
+ENOUGH = 100
 
 
 def calibrate(job: Job, say: Say) -> dict[str, Any]:
@@ -132,12 +134,27 @@ def _nothing(job: Job, features: Sequence[Features], inliers: Any) -> str:
             f"{where}: the photos show no features {what}(at most {max(counts)} in one photo, hundreds are needed); "
             "put textured things around the object or project a pattern, focus, and do not mask these things out"
         )
-    i, j = np.unravel_index(int(inliers.argmax()), inliers.shape)
-    best = f"{job.photos[i].name} and {job.photos[j].name} share {inliers[i, j]} matches" if inliers.any() else "no two"
-    best = best if inliers.any() else "no two photos share anything"
+    if not inliers.any():
+        best = "no two photos share anything"
+    else:
+        i, j = np.unravel_index(int(inliers.argmax()), inliers.shape)
+        best = f"{job.photos[i].name} and {job.photos[j].name} share {inliers[i, j]} matches"
     return (
-        f"{where}: no cameras could be found from the {len(features)} photos: {best}; take photos that overlap by two "
-        "thirds, from places at most 15 degrees apart around the object, with texture in view"
+        f"{where}: no cameras could be found from the {len(features)} photos: {best}{_remedy(len(features), inliers)}"
+    )
+
+
+def _remedy(photos: int, inliers: Any) -> str:
+    """What to shoot when no cameras were found; many matches are no use without an angle between the photos."""
+    if inliers.max(initial=0) < ENOUGH:
+        return (
+            ", too few; take photos that overlap by two thirds, from places at most 15 degrees apart around the "
+            "object, with texture in view"
+        )
+    few = "two photos alone are seldom enough; take at least 3, better 20, " if photos == 2 else "take more photos "
+    return (
+        ", but no two stand far enough apart to tell depth (16 degrees at the object), or what they share is flat: "
+        f"{few}from places 5 to 15 degrees apart along an arc around the object, not turning on the spot"
     )
 
 
