@@ -120,8 +120,7 @@ def sample_images(sources: Sources, which: int, closed: bool, first: int, last: 
     differences, bases = [], []
     for image in spiral_images(plan, closed)[1][first:last]:
         difference, base = (np.full((image.texels, 3), np.nan, np.float32) for _ in range(2))
-        surface = cast_image(plan.rectangle.edges, image, context.caster)
-        if len(surface.texel):
+        for surface in cast_image(plan.rectangle.edges, image, context.caster):
             code, _ = context.photos.blend_codes(surface.points, surface.normals, surface.toward)
             base[surface.texel] = context.diffuse.at(surface.points, surface.normals)
             difference[surface.texel] = code - srgb_encode(base[surface.texel], np.inf)
@@ -137,8 +136,7 @@ def project_errors(sources: Sources, errors: Path, which: int, closed: bool, fir
     corrections = []
     for image in spiral_images(plan, closed)[1][first:last]:
         correction = np.zeros((image.texels, 3), np.float32)
-        surface = cast_image(plan.rectangle.edges, image, context.caster)
-        if len(surface.texel):
+        for surface in cast_image(plan.rectangle.edges, image, context.caster):
             code, _ = photos.blend_codes(surface.points, surface.normals, surface.toward)
             correction[surface.texel] = np.nan_to_num(code, nan=0.0)
         corrections.append(correction)

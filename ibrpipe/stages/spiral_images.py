@@ -5,6 +5,7 @@ Source: gong-yang, sec. 3 (directions, eq. 6 for the sizes) and 4.2 (parallel ra
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,6 +15,9 @@ from ibrpipe.core import spiral
 from ibrpipe.embree import MeshCaster
 from ibrpipe.stages.plan import TexturePlan
 from ibrpipe.types import Array, ParallelFrame
+
+#: texels whose rays are cast together, about
+BAND = 200_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +36,11 @@ class SpiralImage:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What the rays of one image hit.
+    """What the rays of one image, or of some of its rows, hit.
 
     Attributes
     ----------
-    texel : (N,) int64, texels whose ray hits a front face
+    texel : (N,) int64, texels of the image whose ray hits a front face
     points : (N, 3) float64, world
     normals : (N, 3) float32, unit, outward
     toward : (N, 3) float64, unit, world direction of the image, from the surface to the viewer
@@ -61,17 +65,25 @@ def spiral_images(plan: TexturePlan, closed: bool) -> tuple[Array, list[SpiralIm
     return alphas, images
 
 
-def cast_image(frame: ParallelFrame, image: SpiralImage, caster: MeshCaster) -> Surface:
-    """Cast the ray of every texel of an image; `frame` has the rectangle's whole edges as a and b."""
+def cast_image(frame: ParallelFrame, image: SpiralImage, caster: MeshCaster) -> Iterator[Surface]:
+    """Cast the ray of every texel of an image, `BAND` of them at a time; `frame` has whole edges as a and b."""
+    rows = max(1, BAND // image.width)
+    for first in range(0, image.height, rows):
+        surface = _cast_rows(frame, image, caster, first, min(first + rows, image.height))
+        if len(surface.texel):
+            yield surface
+
+
+def _cast_rows(frame: ParallelFrame, image: SpiralImage, caster: MeshCaster, first: int, last: int) -> Surface:
     basis = np.stack([frame.a / np.linalg.norm(frame.a), frame.b / np.linalg.norm(frame.b), -frame.f])
     toward = image.direction @ basis
-    u, v = np.meshgrid((np.arange(image.width) + 0.5) / image.width, (np.arange(image.height) + 0.5) / image.height)
+    u, v = np.meshgrid((np.arange(image.width) + 0.5) / image.width, (np.arange(first, last) + 0.5) / image.height)
     origins = frame.origin + u.reshape(-1, 1) * frame.a + v.reshape(-1, 1) * frame.b
     hits = caster.cast(origins, np.broadcast_to(-toward, origins.shape))
-    texel = np.flatnonzero((hits.face >= 0) & ((hits.normal @ toward) > 0))
-    points = origins[texel] - hits.t[texel, None].astype(np.float64) * toward
-    normals = caster.smooth_normals(hits.face[texel], hits.uv[texel])
-    return Surface(texel, points, normals, np.broadcast_to(toward, points.shape))
+    hit = np.flatnonzero((hits.face >= 0) & ((hits.normal @ toward) > 0))
+    points = origins[hit] - hits.t[hit, None].astype(np.float64) * toward
+    normals = caster.smooth_normals(hits.face[hit], hits.uv[hit])
+    return Surface(hit + first * image.width, points, normals, np.broadcast_to(toward, points.shape))
 
 
 def chunks(images: list[SpiralImage], most: int) -> list[tuple[int, int]]:

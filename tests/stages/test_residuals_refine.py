@@ -15,6 +15,7 @@ import pytest
 from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.io.residuals import read_residuals
 from ibrpipe.stages import ingest, layers, plan, residual_sets, residuals
+from ibrpipe.stages import spiral_images as spiral_images_module
 from ibrpipe.stages.executor import executor
 from ibrpipe.stages.refine import errors_in_batches, photo_errors
 from ibrpipe.stages.residual_sets import Samples, in_batches, uncoded
@@ -55,26 +56,39 @@ def test_refinement_brings_the_training_photos_nearer(sources: Sources, tmp_path
     assert not list((tmp_path / "b").glob("*.partial"))  # and the scratch files
 
 
-def test_bytes_do_not_depend_on_the_executor(sources: Sources, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    build(sources, tmp_path / "inline", quality=100)
+@pytest.fixture(scope="module")
+def inline(sources: Sources, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Residuals made in place, with memory to spare."""
+    folder = tmp_path_factory.mktemp("inline")
+    build(sources, folder, quality=100)
+    return folder
+
+
+def assert_same_files(one: Path, other: Path) -> None:
+    found = sorted(path.relative_to(one) for path in one.rglob("*.*"))
+    assert len(found) == 7  # six textures, one summary
+    assert found == sorted(path.relative_to(other) for path in other.rglob("*.*"))
+    for path in found:
+        assert (one / path).read_bytes() == (other / path).read_bytes()
+
+
+def test_bytes_do_not_depend_on_the_executor(
+    sources: Sources, inline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(residuals, "UNIT", 3000)  # many small units
     with executor(3):
         build(sources, tmp_path / "threads", quality=100)
-    found = sorted(path.relative_to(tmp_path / "inline") for path in (tmp_path / "inline").rglob("*.*"))
-    assert len(found) == 7  # six textures, one summary
-    for path in found:
-        assert (tmp_path / "inline" / path).read_bytes() == (tmp_path / "threads" / path).read_bytes()
+    assert_same_files(inline, tmp_path / "threads")
 
 
-def test_bytes_do_not_depend_on_the_memory(sources: Sources, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    build(sources, tmp_path / "ample", quality=100)
+def test_bytes_do_not_depend_on_the_memory(
+    sources: Sources, inline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(residual_sets, "TEXEL_BYTES", 1e6)  # so that hardly a texel fits: every photo by itself
     monkeypatch.setattr(residuals, "UNIT", 3000)
+    monkeypatch.setattr(spiral_images_module, "BAND", 600)
     build(sources, tmp_path / "scarce", quality=100, memory_mb=16)
-    found = sorted(path.relative_to(tmp_path / "ample") for path in (tmp_path / "ample").rglob("*.*"))
-    assert found == sorted(path.relative_to(tmp_path / "scarce") for path in (tmp_path / "scarce").rglob("*.*"))
-    for path in found:
-        assert (tmp_path / "ample" / path).read_bytes() == (tmp_path / "scarce" / path).read_bytes()
+    assert_same_files(inline, tmp_path / "scarce")
 
 
 def test_batches_hold_what_fits_and_every_photo_once(sources: Sources) -> None:
