@@ -96,7 +96,7 @@ def build_surface(
         "method": made.method,
         "filled_by_outlines": choice.fill and made.method != "volume",
         "reason": _reason(choice, made),
-        "measured": {**measured, **{f"explained_by_{way}": share for way, share in made.explained.items()}},
+        "measured": {**measured, **made.asked, **{f"explained_by_{k}": share for k, share in made.explained.items()}},
         "points": len(fused.cloud.position),
         "voxel": float(step),
         "voxel_wanted": float(made.wanted),

@@ -51,7 +51,8 @@ def doubted(outline: Outline, points: Array) -> Outline:
     marked[row.astype(int), column.astype(int)] = 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * SPREAD + 1, 2 * SPREAD + 1))
     unsure = cv2.dilate(marked, disc) > 0
-    return replace(outline, distance=np.where(unsure & (outline.distance > 0), np.float32(np.nan), outline.distance))
+    distance = np.where(unsure & (outline.distance > 0), np.float32(np.nan), outline.distance)
+    return replace(outline, distance=distance, doubted=True)
 
 
 def outline_distances(outline: Outline, points: Array) -> Array:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ibrpipe.core.volume import SIDE
 from ibrpipe.stages.surface.choose import Choice
+from ibrpipe.stages.surface.demand import with_asked
 from ibrpipe.stages.surface.doubt import doubted
 from ibrpipe.stages.surface.explain import explained
 from ibrpipe.stages.surface.fill import with_outlines
@@ -32,6 +33,8 @@ from ibrpipe.types import Array, Mesh
 FILL_COARSER = 2.0
 #: voxels from every point at which a surface counts as invented
 REACH = 6.0
+#: voxels around a place that masks asked for within which the surface stays
+ASKED = 3.0
 #: share of the area from which on an invented piece, or one that maps look through, is cut out of a filled surface
 MEMBRANE = 0.002
 _KNOWN = np.ones((1, 1), bool)
@@ -74,6 +77,8 @@ class Made:
         Parts that were too small to keep.
     explained : dict
         Share of the masks' pixels that each way explains; empty where only one was tried.
+    asked : dict
+        What the masks asked for, figures; empty where outlines do not fill.
     """
 
     mesh: Mesh
@@ -82,6 +87,7 @@ class Made:
     wanted: float
     dropped: int
     explained: dict[str, float]
+    asked: dict[str, float] = field(default_factory=dict)
 
 
 def make(choice: Choice, sources: Sources) -> Made:
@@ -94,8 +100,9 @@ def make(choice: Choice, sources: Sources) -> Made:
     volume, step = by_volume(sources, wanted)
     if choice.method == "volume":
         return _made(cleaned(volume, sources, False, step), "volume", step, wanted)
-    mesh, solved = by_poisson(sources, volume, step, choice.fill)
-    made = _made(cleaned(mesh, sources, choice.fill, solved), "poisson", solved, wanted)
+    solved = by_poisson(sources, volume, step, choice.fill)
+    parts = cleaned(solved.mesh, sources, choice.fill, solved.step, solved.places)
+    made = replace(_made(parts, "poisson", solved.step, wanted), asked=solved.asked)
     if config.method != "auto":
         return made
     other = _made(cleaned(volume, sources, False, step), "volume", step, wanted)
@@ -122,7 +129,17 @@ def by_volume(sources: Sources, step: float) -> tuple[Mesh, float]:
     return extract(blocks, summed(blocks, fused.maps, cut, Weights(config.truncation, config.carve))), step
 
 
-def by_poisson(sources: Sources, volume: Mesh, step: float, fill: bool) -> tuple[Mesh, float]:
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """What Poisson gives: a mesh, the size of its voxels, the places (P, 3) and the figures of what masks asked for."""
+
+    mesh: Mesh
+    step: float
+    places: Array
+    asked: dict[str, float]
+
+
+def by_poisson(sources: Sources, volume: Mesh, step: float, fill: bool) -> Solved:
     """Solve for the points of the averaged distances that maps show: every map has its say, by its confidence."""
     from scipy.spatial import cKDTree
 
@@ -130,22 +147,32 @@ def by_poisson(sources: Sources, volume: Mesh, step: float, fill: bool) -> tuple
     kept = (found.observations >= sources.config.votes) & (found.observations > found.through)
     spacing = np.full(len(kept), step, np.float32)
     every = Cloud(volume.vertices, vertex_normals(volume), found.confidence, found.observations, spacing)
-    cloud = every.chosen(kept)
+    cloud, places, asked = every.chosen(kept), np.zeros((0, 3)), {}
     if fill:
         hull, _ = hull_surface(sources.outlines, FILL_COARSER * sources.config.voxel_pixels, sources.memory)
-        cloud = with_outlines(cloud, sources.fused.maps, without_vertices(volume, kept), hull, step)
+        seen = without_vertices(volume, kept)
+        answer = with_asked(cloud, seen, hull, sources.outlines, step)
+        places, asked = answer.places, answer.measured
+        cloud = with_outlines(answer.cloud, sources.fused.maps, seen, hull, step)
     mesh, step = poisson_surface(cloud, step, sources.memory)
     distance, _ = cKDTree(cloud.position).query(mesh.vertices, distance_upper_bound=REACH * step)
     invented = ~np.isfinite(distance)
     if fill:  # what would open it for a trifle stays
         invented = large_patches(mesh, invented, MEMBRANE)
-    return without_vertices(mesh, ~invented), step
+    return Solved(without_vertices(mesh, ~invented), step, places, asked)
 
 
-def cleaned(raw: Mesh, sources: Sources, fill: bool, step: float) -> tuple[Mesh, int]:
-    """Cut away what no map confirms, unless outlines stand for it, and small parts; also return how many of those."""
+def cleaned(raw: Mesh, sources: Sources, fill: bool, step: float, places: Array | None = None) -> tuple[Mesh, int]:
+    """Cut away what no map confirms, unless outlines stand for it, and small parts; also return how many of those.
+
+    What is near the `places` (P, 3) that masks asked for stays, although maps look through it.
+    """
+    from scipy.spatial import cKDTree
+
     found = evidence(raw, sources.fused.maps, 2.0 * step)
     empty = found.through > 2 * found.observations + 2
+    if places is not None and len(places):
+        empty &= ~np.isfinite(cKDTree(places).query(raw.vertices, distance_upper_bound=ASKED * step)[0])
     if fill:
         keep = ~large_patches(raw, empty, MEMBRANE)
     else:
