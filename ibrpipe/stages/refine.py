@@ -9,7 +9,7 @@ residuals. This is no part of gong-yang.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -45,11 +45,10 @@ def errors_in_batches(
     """
     photos = context.photos
     errors, total, count = np.zeros_like(photos.code), 0.0, 0
-    rendered = ((p, tables) for some, textures in batches for tables in [_tables(textures)] for p in some)
-    for p, tables in track(rendered, "refinement", len(photos.cameras)):
+    for p, held in track(_with_tables(batches), "refinement", len(photos.cameras)):
         camera = photos.cameras[p]
         color, depth, known = diffuse_frame(context.caster, context.diffuse, camera)
-        residual_pass.add(tables, color, depth, camera)
+        residual_pass.add(held[0], color, depth, camera)
         own = slice(photos.starts[p], photos.starts[p] + depth.size)
         good = known.ravel() & (photos.mask[own] >= 0.5)
         error = photos.code[own] - srgb_encode(color.reshape(-1, 3), np.inf)
@@ -59,5 +58,13 @@ def errors_in_batches(
     return errors, float(-10.0 * np.log10(total / count)) if total > 0 else float("inf")
 
 
-def _tables(textures: Sequence[SpiralTexture]) -> residual_pass.Tables:
-    return dataclasses.replace(residual_pass.prepare(textures), coded=True)
+def _with_tables(
+    batches: Iterable[tuple[Sequence[int], Sequence[SpiralTexture]]],
+) -> Iterator[tuple[int, list[residual_pass.Tables]]]:
+    """Yield photos, each with a list that holds its tables; they are gone from it before the next batch is made."""
+    for photos, textures in batches:
+        held = [dataclasses.replace(residual_pass.prepare(textures), coded=True)]
+        del textures
+        for photo in photos:
+            yield photo, held
+        held.clear()
