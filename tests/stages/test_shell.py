@@ -127,6 +127,7 @@ def test_closed_and_one_sided_surfaces_stay_the_bytes_that_they_were(measured) -
         shell = with_second_side(mesh, looking(mesh, eyes), 0.02, 4.0, "auto")
         assert shell.mesh is mesh
         assert (shell.share, shell.backs) == (0, 0)
+        np.testing.assert_array_equal(shell.source, np.arange(len(mesh.vertices)))
 
 
 @pytest.mark.parametrize(("shift", "share"), [(0.03, 1.0), (0.3, 0.0)])
@@ -136,6 +137,8 @@ def test_a_back_counts_where_depth_is_in_place(shift: float, share: float) -> No
     assert shell.share == pytest.approx(share)
     if share:
         assert shell.thickness == pytest.approx(0.03 * 4 / np.linalg.norm(AROUND[2]), rel=0.2)
+        apart = np.linalg.norm(shell.mesh.vertices - plate.vertices[shell.source], axis=1)
+        assert apart.max() < 2 * shell.thickness
         assert openings(shell.mesh).loops == 0  # joined along the border
         assert openings(shell.mesh).crowded == 0
         volume = np.linalg.det(shell.mesh.vertices[shell.mesh.faces]).sum() / 6

@@ -90,8 +90,7 @@ def build_surface(
         mesh, moved = fitted(mesh, outlines)
     shell = with_second_side(mesh, fused.maps, step, config.truncation, config.two_sided)
     found = evidence(shell.mesh, fused.maps, 2.0 * step, shell.facing if shell.share else None)
-    every = np.concatenate([moved, moved[shell.facing[: len(moved)].any(axis=1)]])  # second sides move along
-    found = less_sure(found, every, step)
+    found = less_sure(found, moved[shell.source], step)  # second sides moved along
     facts = {
         "method": made.method,
         "filled_by_outlines": choice.fill and made.method != "volume",

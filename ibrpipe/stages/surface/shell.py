@@ -47,6 +47,8 @@ class Shell:
         The sheet as it was, then the vertices and faces of its second side, then the faces that join both.
     facing : (V, 3) float64
         Unit normals of the vertices of both sides, 0 0 0 for those with one side.
+    source : (V,) int64
+        The sheet's vertex that each comes from.
     share : float
         Of the sheet's area that has a second side.
     backs : float
@@ -58,6 +60,7 @@ class Shell:
 
     mesh: Mesh
     facing: Array
+    source: Array
     share: float
     backs: float
     thickness: float
@@ -124,7 +127,7 @@ def with_second_side(sheet: Mesh, maps: MapStore, step: float, melt: float, choi
 
 
 def _one_sided(sheet: Mesh, backs: float, reason: str) -> Shell:
-    return Shell(sheet, np.zeros_like(sheet.vertices), 0.0, backs, 0.0, reason)
+    return Shell(sheet, np.zeros_like(sheet.vertices), np.arange(len(sheet.vertices)), 0.0, backs, 0.0, reason)
 
 
 def backs_seen(mesh: Mesh, maps: MapStore, step: float, melt: float) -> Backs:
@@ -222,7 +225,8 @@ def doubled(sheet: Mesh, marked: Array, backs: Backs, gap: float, reason: str) -
     facing = np.zeros_like(mesh.vertices)
     facing[vertex], facing[count:] = normal[vertex], -normal[vertex]
     share, median = float(areas[chosen].sum() / areas.sum()), float(np.median(thick[vertex]))
-    return Shell(mesh, facing, share, backs.share, median, reason)
+    source = np.concatenate([np.arange(count), vertex])
+    return Shell(mesh, facing, source, share, backs.share, median, reason)
 
 
 def _ends(faces: Array) -> Array:
