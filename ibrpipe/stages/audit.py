@@ -152,8 +152,9 @@ def _count_findings(capture: Capture) -> list[Finding]:
     findings = []
     count, root = len(capture.train), str(capture.root)
     if count < 2:
+        remedy = "add photos, or hold out fewer (ingest.hold_out_every)" if capture.test else "add photos"
         findings.append(
-            Finding("error", "too few", root, f"holds {count} photo(s) to build from", "at least 2", "add photos")
+            Finding("error", "too few", root, f"holds {count} photo(s) to build from", "at least 2", remedy)
         )
     elif count < 10:
         text = f"holds {count} photos to build from"

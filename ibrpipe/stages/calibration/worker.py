@@ -151,10 +151,12 @@ def _remedy(photos: int, inliers: Any) -> str:
             ", too few; take photos that overlap by two thirds, from places at most 15 degrees apart around the "
             "object, with texture in view"
         )
-    few = "two photos alone are seldom enough; take at least 3, better 20, " if photos == 2 else "take more photos "
+    places = "from places 5 to 15 degrees apart along an arc around the object, not turning on the spot"
+    if photos == 2:
+        return f", but two photos alone seldom fix their cameras; take at least 3, better 20, {places}"
     return (
-        ", but no two stand far enough apart to tell depth (16 degrees at the object), or what they share is flat: "
-        f"{few}from places 5 to 15 degrees apart along an arc around the object, not turning on the spot"
+        ", but no two make a start: they stand too close to each other, what they share is flat, or matches are wrong; "
+        f"take more photos {places}"
     )
 
 
