@@ -122,6 +122,8 @@ AROUND = [(4.0, 0.5, 0.5), (3.0, 2.0, 0.2), (-4.0, 0.5, 0.5), (-3.0, -2.0, 0.2),
 
 def test_closed_and_one_sided_surfaces_stay_the_bytes_that_they_were(measured) -> None:
     ball = measured("ball").caster.mesh
+    assert backs_seen(ball, looking(ball, AROUND), 0.02, 4.0).share == 0
+    assert "closed" in with_second_side(ball, Maps(), 0.02, 4.0, "auto").reason
     plate = sheet(lambda u, v: np.stack([0 * u, u, v], axis=-1), 20, 20).mesh
     for mesh, eyes in ((ball, AROUND), (plate, AROUND[:2])):
         shell = with_second_side(mesh, looking(mesh, eyes), 0.02, 4.0, "auto")

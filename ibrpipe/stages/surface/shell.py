@@ -18,7 +18,7 @@ import numpy as np
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.progress import track
-from ibrpipe.stages.surface.finish import face_areas, grown, large_patches, parts, vertex_normals
+from ibrpipe.stages.surface.finish import face_areas, grown, large_patches, openings, parts, vertex_normals
 from ibrpipe.stages.surface.maps import LoadedMap, MapStore
 from ibrpipe.stages.surface.rims import unfolded
 from ibrpipe.types import Array, Mesh
@@ -116,6 +116,8 @@ def with_second_side(sheet: Mesh, maps: MapStore, step: float, melt: float, choi
     by_hand = "set by geometry.surface.two_sided"
     if choice == "never":
         return _one_sided(sheet, 0.0, by_hand)
+    if choice == "auto" and openings(sheet).loops == 0:
+        return _one_sided(sheet, 0.0, "a closed surface shows no backs")
     backs = backs_seen(sheet, maps, step, melt)
     every = np.ones(len(sheet.vertices), bool)
     marked = every if choice == "always" else whole_patches(sheet, backs)
