@@ -121,11 +121,11 @@ def test_given_cameras_are_left_alone(tiny_ball: Path, tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["calibration.json"]
 
 
-def test_photos_that_do_not_fit_are_told(photos: Path, tmp_path: Path) -> None:
+def test_photos_that_do_not_fit_are_told(photos: Path, found: Path, tmp_path: Path) -> None:
     capture = Path(shutil.copytree(photos, tmp_path / "capture"))
     write_png(capture / "images/100.png", texture(9)[:HEIGHT, :WIDTH])
     write_png(capture / "images/101.png", np.full((HEIGHT, WIDTH), 0.4))
-    shutil.copytree(photos.parent / "run ä/.calibrate.work", tmp_path / ".calibrate.work")
+    shutil.copytree(found.parent / ".calibrate.work", tmp_path / ".calibrate.work")
     document = calibrated(capture, tmp_path / "calibrate")
     assert document["registered"] == COUNT
     told = {each["file"]: each for each in document["findings"]}
@@ -136,6 +136,21 @@ def test_photos_that_do_not_fit_are_told(photos: Path, tmp_path: Path) -> None:
     assert "warning: 101.png: is left out" in summary
     with pytest.raises(CaptureError, match=r"only 7 of 9 photos could be calibrated, expected at least 90%.*100.png"):
         calibrated(capture, tmp_path / "calibrate", min_registered=0.9)
+
+
+def test_photos_of_two_sizes_have_a_lens_each(photos: Path, tmp_path: Path) -> None:
+    capture = Path(shutil.copytree(photos, tmp_path / "capture"))
+    for name in (NAMES[2], NAMES[4]):
+        picture = cv2.imread(str(tmp_path / "capture/images" / name))
+        assert picture is not None
+        small = cv2.resize(picture, (256, 192), interpolation=cv2.INTER_AREA)
+        cv2.imwrite(str(capture / "images" / name), small)
+    document = calibrated(capture, tmp_path / "calibrate")
+    assert document["registered"] == COUNT
+    assert sorted((lens["width"], lens["photos"]) for lens in document["lenses"]) == [(256, 2), (320, 5)]
+    errors = compare_cameras(tmp_path / "calibrate", truth(photos))
+    assert errors["center_mean_over_extent"] < 5e-3
+    assert errors["rays_mean_deg"] < 0.3  # places are shares of the photo, so that sizes may differ
 
 
 def test_two_sets_of_photos_come_as_two_models(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 import json
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from ibrpipe.io.captures import read_capture
 from ibrpipe.io.images import read_image, write_png
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import load_view, read_views
+from ibrpipe.stages import audit
 from ibrpipe.stages.ingest import STAGE, IngestConfig, Inputs, run
 
 
@@ -220,3 +222,11 @@ def test_the_stage_is_what_the_runner_expects():
     assert STAGE.needs == ("capture", "calibrate")
     assert set(Inputs.__dataclass_fields__) == {"capture", "calibration", "out"}
     assert all(field.description for field in IngestConfig.model_fields.values())
+
+
+def test_too_few_photos_are_told_with_what_holds_them_back() -> None:
+    view = SimpleNamespace(name="a.png", masked=True)
+    for test, remedy in (((), "add photos"), ((view,), "add photos, or hold out fewer (ingest.hold_out_every)")):
+        capture = SimpleNamespace(root="capture", train=(view,), test=test)
+        (found,) = [each for each in audit._count_findings(capture) if each.severity == "error"]  # type: ignore[arg-type]
+        assert (found.value, found.remedy) == ("holds 1 photo(s) to build from", remedy)
