@@ -28,7 +28,7 @@ from ibrpipe.stages.dense.spacing import spacing_of, warning
 from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.surface.build import build_surface
 from ibrpipe.stages.surface.effort import surface_parts
-from ibrpipe.stages.surface.given import given_maps
+from ibrpipe.stages.surface.given import given_maps, lacking
 from ibrpipe.stages.surface.settings import SurfaceConfig
 from ibrpipe.stages.workplace import kept_folder
 from ibrpipe.types import Mesh
@@ -111,7 +111,7 @@ def _from_photos(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> dict
     work = kept_folder(inputs.out, _key(views, inputs, config))
     workspace, began = Workspace(work / "dense"), perf_counter()
     maps, source = given_maps(views.train, capture, workspace) if config.use_given_depth else ((), "")
-    decision = "depth" if maps else "photos"
+    decision, warnings = ("depth", lacking(views.train, maps)) if maps else ("photos", [])
     if not maps and config.surface.method != "hull":
         points = None if inputs.points is None else read_points(inputs.points)
         maps = estimate_depths(views.train, workspace.root, config.depth, inputs.seed, points)
@@ -134,7 +134,7 @@ def _from_photos(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> dict
         "reason": facts.pop("reason"),
         "depth_from": source,
         "depth_maps": [_map_facts(each) for each in maps],
-        **_spacing(maps, len(views.train), float(facts["measured"]["agreed_depth"])),
+        **_spacing(maps, len(views.train), float(facts["measured"]["agreed_depth"]), warnings),
         **facts,
         "coverage": _coverage(views.train, built.mesh),
     }
@@ -158,14 +158,14 @@ def _map_facts(each: DepthMap) -> dict[str, Any]:
     }
 
 
-def _spacing(maps: Sequence[DepthMap], photos: int, agreed: float) -> dict[str, Any]:
-    """Tell how far apart the photos stand, and warn where that is too far; nothing of depth that was given."""
+def _spacing(maps: Sequence[DepthMap], photos: int, agreed: float, known: Sequence[str] = ()) -> dict[str, Any]:
+    """Tell how far apart the photos stand unless depth was given; `warnings` adds to those that are known."""
     found = spacing_of(maps)
     if found is None:
-        return {}
+        return {"warnings": list(known)}
     line = warning(found, photos, agreed)
     angles = {name: round(value, 2) for name, value in asdict(found).items()}
-    return {"spacing_deg": angles, "warnings": [] if line is None else [line]}
+    return {"spacing_deg": angles, "warnings": [*known, *([] if line is None else [line])]}
 
 
 def _counts(mesh: Mesh) -> dict[str, int]:

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from ibrpipe.embree import MeshCaster
+from ibrpipe.errors import CaptureError
 from ibrpipe.io.dense import Workspace, read_map, write_map
 from ibrpipe.io.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import read_views, write_views
 from ibrpipe.stages.documents import Geometry
 from ibrpipe.stages.geometry import STAGE, GeometryConfig, Inputs, run
-from ibrpipe.stages.surface.given import given_maps
+from ibrpipe.stages.surface.given import given_maps, lacking
 from ibrpipe.stages.surface_error import compare_surfaces
 from ibrpipe.stages.wiring import wire
 from ibrpipe.stages.workplace import kept_folder
@@ -88,6 +89,23 @@ def test_maps_of_a_colmap_workspace_are_read_where_they_are(with_depth: Path) ->
     assert [each.depth.parent for each in found] == [capture / "stereo/depth_maps"] * len(views)
     assert not (with_depth / "none").exists()
     assert given_maps(moved, None, Workspace(with_depth / "none")) == ((), "")
+
+
+def test_photos_without_given_depth_are_told_of(with_depth: Path) -> None:
+    views = read_views(with_depth / "ingest/views.json").train
+    np.save(views[2].depth, np.zeros((72, 96), np.float32))
+    np.save(views[3].depth, np.full((72, 96), np.nan, np.float32))
+    some = tuple(replace(view, depth=None) if n in (4, 7) else view for n, view in enumerate(views))
+    maps, _ = given_maps(some, None, Workspace(with_depth / "some"))
+    assert len(maps) == 12
+    (line,) = lacking(some, maps)
+    assert line.startswith(
+        "4 of 14 photos have no depth (002, 003, 004 and 1 more): 2 without a map, 2 with an empty one"
+    )
+    assert lacking(views[4:], given_maps(views[4:], None, Workspace(with_depth / "rest"))[0]) == []
+    empty, _ = given_maps(views[2:4], None, Workspace(with_depth / "none"))
+    with pytest.raises(CaptureError, match=r"002\.npy: no pixel has depth in this map, nor in the other 1; expected"):
+        lacking(views[2:4], empty)
 
 
 def test_outlines_alone_need_no_depth(ingested: Path) -> None:

@@ -12,9 +12,9 @@ from ibrpipe.io.dense import DepthMap
 from ibrpipe.io.views import View
 from ibrpipe.types import Array
 
-#: angle to the second nearest neighbour (two must agree with a depth) up to which photos are near enough, degrees;
-#: a neighbour at this angle has 0.6 of the worth of the best one, see `neighbours.worth`
-WANTED = 20.0
+#: angle to the second nearest neighbour (two must agree with a depth) from which on photos are too far apart, and the
+#: one that is asked for, degrees; a neighbour at the latter has 0.6 of the worth of the best one, see `neighbours.worth`
+TOO_WIDE, WANTED = 23.0, 20.0
 #: with this share of agreed depth, the angle does no harm that is worth a warning
 ENOUGH = 0.75
 #: photos in one row have their fourth neighbour at twice the angle of the second, photos over a surface at 1.4 times
@@ -42,8 +42,8 @@ class Spacing:
 
     @property
     def too_wide(self) -> bool:
-        """Whether the second neighbour stands farther off than is wanted."""
-        return self.second > WANTED
+        """Whether the second neighbour stands too far off."""
+        return self.second > TOO_WIDE
 
     def photos_for(self, photos: int) -> int:
         """How many photos bring the second neighbour to the wanted angle, at least, where there are `photos` now."""

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrpipe.io.dense import DepthMap, Workspace, write_map
+from ibrpipe.errors import CaptureError
+from ibrpipe.io.dense import DepthMap, Workspace, read_map, write_map
 from ibrpipe.io.views import View, load_depth
 from ibrpipe.progress import track
 
@@ -35,6 +36,34 @@ def given_maps(views: Sequence[View], capture: Path | None, workspace: Workspace
         write_map(workspace.depth(view.name), np.where(np.isfinite(depth) & (depth > 0), depth, 0))
         maps.append(DepthMap(view, workspace.depth(view.name)))
     return tuple(maps), "depth maps of the capture"
+
+
+def lacking(views: Sequence[View], maps: Sequence[DepthMap]) -> list[str]:
+    """Say in one line which photos have no given depth; nothing where all have some.
+
+    Raises
+    ------
+    CaptureError
+        No map holds any depth.
+    """
+    empty = {each.view.name for each in maps if not (read_map(each.depth) > 0).any()}
+    if len(empty) == len(maps):
+        first = maps[0].view.depth or maps[0].depth
+        others = f", nor in the other {len(maps) - 1}" if len(maps) > 1 else ""
+        raise CaptureError(
+            f"{first}: no pixel has depth in this map{others}; expected distances along the camera's axis in scene "
+            "units, 0 = unknown: replace the maps, or find depth in the photos with geometry.use_given_depth=false"
+        )
+    known = {each.view.name for each in maps}
+    without = [view.name for view in views if view.name not in known or view.name in empty]
+    if not without:
+        return []
+    named = ", ".join(without[:3]) + (f" and {len(without) - 3} more" if len(without) > 3 else "")
+    return [
+        f"{len(without)} of {len(views)} photos have no depth ({named}): {len(views) - len(known)} without a map, "
+        f"{len(empty)} with an empty one; what only they see stays open: give theirs, or find all depth in the photos "
+        "with geometry.use_given_depth=false"
+    ]
 
 
 def _colmap_map(view: View, capture: Path) -> DepthMap | None:
