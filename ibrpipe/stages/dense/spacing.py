@@ -13,7 +13,7 @@ from ibrpipe.io.views import View
 from ibrpipe.types import Array
 
 #: angle to the second nearest neighbour (two must agree with a depth) from which on photos are too far apart, and the
-#: one that is asked for, degrees; a neighbour at the latter has 0.6 of the worth of the best one, see `neighbours.worth`
+#: one that is asked for, degrees; a neighbour at the latter has 0.6 of the worth of the best, see `neighbours.worth`
 TOO_WIDE, WANTED = 23.0, 20.0
 #: with this share of agreed depth, the angle does no harm that is worth a warning
 ENOUGH = 0.75
