@@ -79,7 +79,8 @@ def build_surface(
     if choice.method != "hull" and len(fused.cloud.position) < 100:
         raise CaptureError(
             f"only {len(fused.cloud.position)} points agree between the photos' depth maps; add photos with more "
-            "overlap, or masks and geometry.surface.method=hull, or a mesh; depth that was given must be in the cameras' unit"
+            "overlap, or masks and geometry.surface.method=hull, or a mesh; given depth must be in the "
+            "cameras' unit"
         )
     made = make(choice, Sources(fused, outlines, against, config, memory // 2))
     step = made.step
