@@ -82,7 +82,7 @@ def build_surface(
             "overlap, or masks and geometry.surface.method=hull, or a mesh; given depth must be in the "
             "cameras' unit"
         )
-    made = make(choice, Sources(fused, outlines, against, config, memory // 2))
+    made = make(choice, Sources(fused, outlines, against, config, memory // 2, views))
     step = made.step
     edge = config.triangle_pixels * step / config.voxel_pixels
     mesh = simplified(made.mesh, edge) if edge > 0 else made.mesh
@@ -96,7 +96,7 @@ def build_surface(
         "method": made.method,
         "filled_by_outlines": choice.fill and made.method != "volume",
         "reason": _reason(choice, made),
-        "measured": {**measured, **made.asked, **{f"explained_by_{k}": share for k, share in made.explained.items()}},
+        "measured": {**measured, **_judged(made)},
         "points": len(fused.cloud.position),
         "voxel": float(step),
         "voxel_wanted": float(made.wanted),
@@ -121,13 +121,16 @@ def _middle(cloud: Cloud, outlines: Sequence[Outline]) -> Array | None:
 
 
 def _reason(choice: Choice, made: Made) -> str:
-    if not made.explained:
+    if not made.carried:
         return choice.reason
-    shares = {way: f"{100 * share:.1f} %" for way, share in made.explained.items()}
-    return (
-        f"{choice.reason}; Poisson explains {shares['poisson']} of the masks' pixels, averaged distances alone "
-        f"{shares['volume']}"
-    )
+    names = {"poisson": "Poisson", "volume": "averaged distances", "hull": "the outlines alone"}
+    told = ", ".join(f"{100 * value:.1f} % through {names[way]}" for way, value in made.carried.items())
+    return f"{choice.reason}; photos carried into each other are alike by {told}"
+
+
+def _judged(made: Made) -> dict[str, float]:
+    """Return the figures by which the surface was judged, by name."""
+    return {**made.asked, **{f"carried_by_{way}": value for way, value in made.carried.items()}}
 
 
 def _described(mesh: Mesh, found: Evidence, ends: Openings) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from ibrpipe.types import Array, Mesh
 #: pixels inside an outline from which on a ray must meet the object
 INSIDE = 0.75
 #: longest way through the hull that still tells where the surface is, pixels
-LONGEST = 20.0
+LONGEST = 10.0
 #: places on it that are looked at
 _PLACES = 9
 #: voxels around it within which the hull is asked for

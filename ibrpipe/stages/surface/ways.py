@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ibrpipe.core.volume import SIDE
+from ibrpipe.io.views import View
 from ibrpipe.stages.surface.choose import Choice
 from ibrpipe.stages.surface.demand import with_asked
 from ibrpipe.stages.surface.doubt import doubted
-from ibrpipe.stages.surface.explain import explained
 from ibrpipe.stages.surface.fill import with_outlines
 from ibrpipe.stages.surface.finish import (
     evidence,
@@ -26,6 +26,7 @@ from ibrpipe.stages.surface.hull import Outline, outline_of
 from ibrpipe.stages.surface.hull_surface import hull_surface
 from ibrpipe.stages.surface.poisson import poisson_surface
 from ibrpipe.stages.surface.settings import Method, SurfaceConfig
+from ibrpipe.stages.surface.transfer import carried, surely_better
 from ibrpipe.stages.surface.volume import VOXEL_BYTES, VOXELS, Weights, blocks_around, extract, summed
 from ibrpipe.types import Array, Mesh
 
@@ -33,6 +34,8 @@ from ibrpipe.types import Array, Mesh
 FILL_COARSER = 2.0
 #: voxels from every point at which a surface counts as invented
 REACH = 6.0
+#: photos from which on surfaces are judged by carrying photos over
+LEAST_VIEWS = 6
 #: voxels around a place that masks asked for within which the surface stays
 ASKED = 3.0
 #: share of the area from which on an invented piece, or one that maps look through, is cut out of a filled surface
@@ -54,6 +57,8 @@ class Sources:
     config : SurfaceConfig
     memory : int
         Bytes that volume or solver may take.
+    views : sequence of View
+        The photos, to judge surfaces by; without any the outlines alone are not tried.
     """
 
     fused: Fused
@@ -61,6 +66,7 @@ class Sources:
     against: Array
     config: SurfaceConfig
     memory: int
+    views: Sequence[View] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +81,10 @@ class Made:
         Size of its voxels, and the size that was asked for, scene units.
     dropped : int
         Parts that were too small to keep.
-    explained : dict
-        Share of the masks' pixels that each way explains; empty where only one was tried.
     asked : dict
         What the masks asked for, figures; empty where outlines do not fill.
+    carried : dict
+        How well each way carries photos into each other; empty where only one was tried.
     """
 
     mesh: Mesh
@@ -86,16 +92,18 @@ class Made:
     step: float
     wanted: float
     dropped: int
-    explained: dict[str, float]
     asked: dict[str, float] = field(default_factory=dict)
+    carried: dict[str, float] = field(default_factory=dict)
 
 
 def make(choice: Choice, sources: Sources) -> Made:
-    """Make the chosen surface; where Poisson was chosen by itself, averaged distances alone may still explain more."""
+    """Make the chosen surface.
+
+    Where Poisson was chosen by itself, averaged distances alone or the outlines alone may still carry photos better.
+    """
     config = sources.config
     if choice.method == "hull":
-        mesh, step = hull_surface(sources.outlines, config.voxel_pixels, sources.memory)
-        return _made(whole_parts(mesh, config.least_part), "hull", step, step)
+        return _by_hull(sources)
     wanted = config.voxel_pixels * float(np.median(sources.fused.cloud.spacing))
     volume, step = by_volume(sources, wanted)
     if choice.method == "volume":
@@ -103,16 +111,31 @@ def make(choice: Choice, sources: Sources) -> Made:
     solved = by_poisson(sources, volume, step, choice.fill)
     parts = cleaned(solved.mesh, sources, choice.fill, solved.step, solved.places)
     made = replace(_made(parts, "poisson", solved.step, wanted), asked=solved.asked)
-    if config.method != "auto":
+    if config.method != "auto" or len(sources.views) < LEAST_VIEWS:
         return made
-    other = _made(cleaned(volume, sources, False, step), "volume", step, wanted)
-    first, second = (explained(each.mesh, sources.fused.maps, 2 * step) for each in (made, other))
-    shares = {"poisson": round(first, 4), "volume": round(second, 4)}
-    return replace(made if first >= second else other, explained=shares)
+    return _judged(made, cleaned(volume, sources, False, step), (step, wanted), solved.hull, sources)
+
+
+def _judged(
+    made: Made, averaged: tuple[Mesh, int], steps: tuple[float, float], hull: Mesh | None, sources: Sources
+) -> Made:
+    """Take another surface than Poisson's where it surely carries photos better."""
+    others: list[Method] = ["volume"] if hull is None else ["volume", "hull"]
+    meshes = [made.mesh, averaged[0], *([] if hull is None else [hull])]
+    figures = dict(zip([made.method, *others], carried(meshes, sources.views, np.median(made.mesh.vertices, axis=0)).T))
+    best = max(others, key=lambda way: float(figures[way].mean()))
+    if surely_better(figures[best], figures[made.method]):
+        made = _made(averaged, "volume", *steps) if best == "volume" else _by_hull(sources)
+    return replace(made, carried={way: round(float(each.mean()), 4) for way, each in figures.items()})
+
+
+def _by_hull(sources: Sources) -> Made:
+    mesh, step = hull_surface(sources.outlines, sources.config.voxel_pixels, sources.memory)
+    return _made(whole_parts(mesh, sources.config.least_part), "hull", step, step)
 
 
 def _made(parts: tuple[Mesh, int], method: Method, step: float, wanted: float) -> Made:
-    return Made(parts[0], method, step, wanted, parts[1], {})
+    return Made(parts[0], method, step, wanted, parts[1])
 
 
 def by_volume(sources: Sources, step: float) -> tuple[Mesh, float]:
@@ -131,12 +154,26 @@ def by_volume(sources: Sources, step: float) -> tuple[Mesh, float]:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """What Poisson gives: a mesh, the size of its voxels, the places (P, 3) and the figures of what masks asked for."""
+    """What Poisson gives.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    step : float
+        Size of its voxels, scene units.
+    places : (P, 3) float64
+        What the masks asked for.
+    asked : dict
+        The figures of it.
+    hull : Mesh or None
+        What the outlines leave, where they fill.
+    """
 
     mesh: Mesh
     step: float
     places: Array
     asked: dict[str, float]
+    hull: Mesh | None = None
 
 
 def by_poisson(sources: Sources, volume: Mesh, step: float, fill: bool) -> Solved:
@@ -147,7 +184,7 @@ def by_poisson(sources: Sources, volume: Mesh, step: float, fill: bool) -> Solve
     kept = (found.observations >= sources.config.votes) & (found.observations > found.through)
     spacing = np.full(len(kept), step, np.float32)
     every = Cloud(volume.vertices, vertex_normals(volume), found.confidence, found.observations, spacing)
-    cloud, places, asked = every.chosen(kept), np.zeros((0, 3)), {}
+    cloud, places, asked, hull = every.chosen(kept), np.zeros((0, 3)), {}, None
     if fill:
         hull, _ = hull_surface(sources.outlines, FILL_COARSER * sources.config.voxel_pixels, sources.memory)
         seen = without_vertices(volume, kept)
@@ -159,7 +196,7 @@ def by_poisson(sources: Sources, volume: Mesh, step: float, fill: bool) -> Solve
     invented = ~np.isfinite(distance)
     if fill:  # what would open it for a trifle stays
         invented = large_patches(mesh, invented, MEMBRANE)
-    return Solved(without_vertices(mesh, ~invented), step, places, asked)
+    return Solved(without_vertices(mesh, ~invented), step, places, asked, hull)
 
 
 def cleaned(raw: Mesh, sources: Sources, fill: bool, step: float, places: Array | None = None) -> tuple[Mesh, int]:
