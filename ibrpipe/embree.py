@@ -105,6 +105,9 @@ class MeshCaster:
 
     def cast_all(self, origins: Array, directions: Array) -> tuple[Array, Hits]:
         """Find every intersection of (N, 3) rays: (ray index (M,) int64, hits), by ray, then t ascending."""
+        if len(directions) == 0:  # Open3D crashes on an empty list
+            none = np.zeros((0, 3), np.float32)
+            return np.zeros(0, np.int64), Hits(none[:, 0], none, np.zeros(0, np.int32), none[:, :2])
         found = self._scene.list_intersections(self._rays(origins, directions), nthreads=self._threads)
         ray, t = found["ray_ids"].numpy().astype(np.int64), found["t_hit"].numpy()
         order = np.lexsort((t, ray))

@@ -116,8 +116,6 @@ def demanded(seen: Mesh, hull: Mesh, outlines: Sequence[Outline], step: float) -
 def _pieces(bound: MeshCaster, outline: Outline, rays: Array) -> Array:
     """Places (P, 3) along the rays (N, 3) that pass the hull once and shortly."""
     center = outline.camera.center
-    if len(rays) == 0:  # Open3D crashes on an empty list
-        return np.zeros((0, 3))
     ray, hits = bound.cast_all(np.broadcast_to(center, rays.shape), rays)
     count = np.bincount(ray, minlength=len(rays))
     once = np.nonzero(count == 2)[0]
