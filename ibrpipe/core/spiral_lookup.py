@@ -138,9 +138,7 @@ def shade(
             z = depth[row, column]
             if not z < np.inf:
                 continue
-            wx = world_from_pixel[0, 0] * (column + 0.5) + world_from_pixel[0, 1] * (row + 0.5) + world_from_pixel[0, 2]
-            wy = world_from_pixel[1, 0] * (column + 0.5) + world_from_pixel[1, 1] * (row + 0.5) + world_from_pixel[1, 2]
-            wz = world_from_pixel[2, 0] * (column + 0.5) + world_from_pixel[2, 1] * (row + 0.5) + world_from_pixel[2, 2]
+            wx, wy, wz = pixel_ray(world_from_pixel, column, row)
             length = math.sqrt(wx * wx + wy * wy + wz * wz)
             for t in range(textures):
                 place(
@@ -170,6 +168,17 @@ def shade(
                 continue
             for c in range(3):
                 add(color, row, column, c, total[c] / total[3], coded, encode)
+
+
+@helper
+def pixel_ray(world_from_pixel, column, row):
+    """World direction of the ray through a pixel's centre, one unit of depth long."""
+    x, y = column + 0.5, row + 0.5
+    return (
+        world_from_pixel[0, 0] * x + world_from_pixel[0, 1] * y + world_from_pixel[0, 2],
+        world_from_pixel[1, 0] * x + world_from_pixel[1, 1] * y + world_from_pixel[1, 2],
+        world_from_pixel[2, 0] * x + world_from_pixel[2, 1] * y + world_from_pixel[2, 2],
+    )
 
 
 @helper

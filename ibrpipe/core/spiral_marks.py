@@ -11,7 +11,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.jit import kernel
-from ibrpipe.core.spiral_lookup import neighbours, place
+from ibrpipe.core.spiral_lookup import neighbours, pixel_ray, place
 
 
 @kernel
@@ -30,9 +30,7 @@ def mark_images(
         for column in range(width):
             if not depth[row, column] < np.inf:
                 continue
-            wx = world_from_pixel[0, 0] * (column + 0.5) + world_from_pixel[0, 1] * (row + 0.5) + world_from_pixel[0, 2]
-            wy = world_from_pixel[1, 0] * (column + 0.5) + world_from_pixel[1, 1] * (row + 0.5) + world_from_pixel[1, 2]
-            wz = world_from_pixel[2, 0] * (column + 0.5) + world_from_pixel[2, 1] * (row + 0.5) + world_from_pixel[2, 2]
+            wx, wy, wz = pixel_ray(world_from_pixel, column, row)
             length = math.sqrt(wx * wx + wy * wy + wz * wz)
             for t in range(textures):
                 place(
