@@ -14,7 +14,8 @@ from ibrpipe.io.colmap_write import ModelImage, SparseModel
 from ibrpipe.io.images import write_png
 from ibrpipe.io.lenses import Lens
 from ibrpipe.stages.calibrate import CalibrateConfig, Inputs, run
-from ibrpipe.stages.calibration.spacing import ENOUGH, WANTED, spacing_of, words
+from ibrpipe.stages.calibration.spacing import ENOUGH, shared_of, words
+from ibrpipe.stages.spacing import WANTED
 from ibrpipe.types import Array, Camera
 
 
@@ -35,10 +36,10 @@ def cloud() -> Array:
 
 
 def test_angles_are_those_of_the_circle(cloud: Array) -> None:
-    found = spacing_of(ring([0, 10, 20, 45, 80], cloud), [0.2] * 5)
+    found = shared_of(ring([0, 10, 20, 45, 80], cloud), [0.2] * 5)
     assert found is not None
-    assert found.nearest_deg == pytest.approx(10.0, abs=0.05)  # 10, 10, 10, 25, 35
-    assert found.second_deg == pytest.approx(20.0, abs=0.05)  # 20, 10, 20, 35, 60
+    assert found.spacing.nearest == pytest.approx(10.0, abs=0.05)  # 10, 10, 10, 25, 35
+    assert found.spacing.second == pytest.approx(20.0, abs=0.05)  # 20, 10, 20, 35, 60
     assert found.widest == ("4.png", "3.png")
     assert found.widest_deg == pytest.approx(35.0, abs=0.1)
     assert found.matched == 0.2
@@ -46,23 +47,23 @@ def test_angles_are_those_of_the_circle(cloud: Array) -> None:
 
 def test_photos_that_share_few_points_are_no_partners(cloud: Array) -> None:
     halves = [np.arange(35), np.arange(30, 60), np.arange(28)]
-    found = spacing_of(ring([0, 5, 30], cloud, halves), [0.2] * 3)
+    found = shared_of(ring([0, 5, 30], cloud, halves), [0.2] * 3)
     assert found is not None
-    assert found.nearest_deg == pytest.approx(30.0, abs=0.05)  # 0 and 1 share 5 points, 1 and 2 none
-    assert spacing_of(ring([0, 5], cloud, [np.arange(30), np.arange(30, 60)]), [0.2] * 2) is None
+    assert found.spacing.nearest == pytest.approx(30.0, abs=0.05)  # 0 and 1 share 5 points, 1 and 2 none
+    assert shared_of(ring([0, 5], cloud, [np.arange(30), np.arange(30, 60)]), [0.2] * 2) is None
 
 
 @pytest.mark.parametrize(
-    ("step", "matched", "wide"), [(21.0, 0.05, True), (19.0, 0.05, False), (40.0, ENOUGH + 0.01, False)]
+    ("step", "matched", "wide"), [(12.0, 0.05, True), (11.0, 0.05, False), (40.0, ENOUGH + 0.01, False)]
 )
 def test_far_apart_is_told_where_little_is_shared(cloud: Array, step: float, matched: float, wide: bool) -> None:
-    found = spacing_of(ring([0, step, 2 * step], cloud), [matched] * 3)
+    found = shared_of(ring([0, step, 2 * step], cloud), [matched] * 3)  # the second nearest is two steps away
     assert found is not None
-    assert found.too_wide == (wide or (step * 2 > WANTED and matched < ENOUGH))
+    assert found.too_wide is wide
 
 
 def test_the_remedy_names_how_many_and_where(cloud: Array) -> None:
-    found = spacing_of(ring([0, 30, 60, 90, 135], cloud), [0.05] * 5)
+    found = shared_of(ring([0, 30, 60, 90, 135], cloud), [0.05] * 5)
     assert found is not None
     text, remedy = words(found, 5)
     assert "30 degrees to the nearest, 45 to the second nearest" in text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from ibrpipe.io.lenses import Lens, project
 from ibrpipe.stages.calibration.features import Features
 from ibrpipe.stages.calibration.job import Job
 from ibrpipe.stages.calibration.lenses import Start, angle_of_view
-from ibrpipe.stages.calibration.spacing import Spacing, spacing_of, words
+from ibrpipe.stages.calibration.spacing import Shared, shared_of, words
 from ibrpipe.stages.calibration.world import Placed
 from ibrpipe.stages.provenance import peak_memory
 from ibrpipe.types import Array
@@ -68,7 +67,7 @@ def figures(
         )
         for image in _first_of_each_lens(model.images)
     ]
-    spacing = spacing_of(model, [each["best_matches"] / each["features"] for each in photos if each["registered"]])
+    shared = shared_of(model, [each["best_matches"] / each["features"] for each in photos if each["registered"]])
     return {
         "registered": len(model.images),
         "photos_given": len(job.photos),
@@ -81,8 +80,8 @@ def figures(
         "lenses": lenses,
         "photos": photos,
         "other_models": [[image.name for image in each.images] for each in models[1:]],
-        "spacing": None if spacing is None else asdict(spacing),
-        "findings": _findings(job, features, inliers, photos, models, starts, spacing),
+        "spacing": None if shared is None else shared.facts,
+        "findings": _findings(job, features, inliers, photos, models, starts, shared),
         "peak_memory_bytes": peak_memory(),
     }
 
@@ -149,7 +148,7 @@ def _findings(
     photos: Sequence[dict[str, Any]],
     models: Sequence[SparseModel],
     starts: Sequence[Start],
-    spacing: Spacing | None,
+    shared: Shared | None,
 ) -> list[dict[str, str]]:
     findings = [_bridge(job, inliers, models[0], other) for other in models[1:]]
     for index, photo in enumerate(photos):
@@ -160,8 +159,8 @@ def _findings(
         if photo["registered"] and photo["points"] < WEAK:
             text = f"stands on {photo['points']} points only, its pose may be wrong"
             findings.append(_finding("warning", photo["name"], text, "take more photos close to this one"))
-    if spacing is not None and spacing.too_wide:
-        findings.append(_finding("warning", "photos", *words(spacing, len(models[0].images))))
+    if shared is not None and shared.too_wide:
+        findings.append(_finding("warning", "photos", *words(shared, len(models[0].images))))
     if any(start.source == "guess" for start in starts):
         text = "no focal length in the photos' tags; it was found from a guess"
         findings.append(_finding("note", "lens", text, "nothing to do if the angle of view looks right"))

@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from ibrpipe.io.colmap_write import ModelImage, SparseModel
+from ibrpipe.stages.spacing import WANTED, Spacing, median_spacing, middle_angle
 from ibrpipe.types import Array
 
-#: Angle to the second nearest photo up to which depth is found well, degrees (the geometry stage wants the same)
-WANTED = 20.0
-#: Share of a photo's features that its best partner shares, with which such an angle does no harm
+#: Share of a photo's features that its best partner shares, with which a wide angle does no harm
 ENOUGH = 0.3
 #: Photos count as partners from so many common points on; angles are taken to the so many that share most
 FEWEST, PARTNERS = 8, 8
 
 
 @dataclass(frozen=True)
-class Spacing:
+class Shared:
     """What neighbours share.
 
     Attributes
     ----------
-    nearest_deg, second_deg : float
-        Angle to the nearest and to the second nearest partner at the points that both see, median over the photos.
+    spacing : Spacing
+        Angles to the partners at the points that both see.
     matched : float
         Share of a photo's features that match its best partner, median over the photos.
     widest : (str, str)
@@ -35,8 +34,7 @@ class Spacing:
     widest_deg : float
     """
 
-    nearest_deg: float
-    second_deg: float
+    spacing: Spacing
     matched: float
     widest: tuple[str, str]
     widest_deg: float
@@ -44,11 +42,17 @@ class Spacing:
     @property
     def too_wide(self) -> bool:
         """Whether photos stand far apart, and share too little for it to do no harm."""
-        return self.second_deg > WANTED and self.matched < ENOUGH
+        return self.spacing.too_wide and self.matched < ENOUGH
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Figures for ``calibration.json``."""
+        angles = {"nearest_deg": self.spacing.nearest, "second_deg": self.spacing.second}
+        return {**angles, "matched": self.matched, "widest": self.widest, "widest_deg": self.widest_deg}
 
 
-def spacing_of(model: SparseModel, matched: Sequence[float]) -> Spacing | None:
-    """Return how far apart the photos of a model stand; None where no two have enough points in common.
+def shared_of(model: SparseModel, matched: Sequence[float]) -> Shared | None:
+    """Return what the photos of a model share; None where no two have enough points in common.
 
     Parameters
     ----------
@@ -56,17 +60,15 @@ def spacing_of(model: SparseModel, matched: Sequence[float]) -> Spacing | None:
     matched : sequence of float
         Share of each photo's features that match its best partner.
     """
-    angles: list[tuple[float, float, str, str]] = []
-    for index, partners in enumerate(_partners(model)):
-        one = model.images[index]
-        found = sorted((_angle(one, model.images[j], model.xyz), model.images[j].name) for j in partners)
-        if found:
-            angles.append((found[0][0], found[min(1, len(found) - 1)][0], one.name, found[0][1]))
-    if not angles:
+    angles: list[list[tuple[float, str]]] = [
+        sorted((_angle(one, model.images[j], model.xyz), model.images[j].name) for j in partners)
+        for one, partners in zip(model.images, _partners(model), strict=True)
+    ]
+    spacing = median_spacing([[angle for angle, _ in row] for row in angles])
+    if spacing is None:
         return None
-    nearest, second = (float(np.median([each[k] for each in angles])) for k in (0, 1))
-    far = max(angles)
-    return Spacing(nearest, second, float(np.median(matched)), (far[2], far[3]), far[0])
+    far, photo, partner = max((row[0][0], one.name, row[0][1]) for one, row in zip(model.images, angles) if row)
+    return Shared(spacing, float(np.median(matched)), (photo, partner), far)
 
 
 def _partners(model: SparseModel) -> list[list[int]]:
@@ -83,22 +85,17 @@ def _partners(model: SparseModel) -> list[list[int]]:
 def _angle(one: ModelImage, other: ModelImage, xyz: Array) -> float:
     """Median angle in degrees between the rays of two photos to the points that both see."""
     shared = xyz[np.intersect1d(one.points, other.points)]
-    rays = []
-    for image in (one, other):
-        R, t = image.cam_from_world[:, :3], image.cam_from_world[:, 3]
-        away = shared + R.T @ t
-        rays.append(away / np.linalg.norm(away, axis=1, keepdims=True))
-    return float(np.median(np.degrees(np.arccos(np.clip((rays[0] * rays[1]).sum(axis=1), -1.0, 1.0)))))
+    places = (shared + image.cam_from_world[:, :3].T @ image.cam_from_world[:, 3] for image in (one, other))
+    return middle_angle(*places)
 
 
-def words(spacing: Spacing, photos: int) -> tuple[str, str]:
+def words(shared: Shared, photos: int) -> tuple[str, str]:
     """Say what is wrong, and what to shoot."""
+    spacing = shared.spacing
     text = (
-        f"stand far apart: {spacing.nearest_deg:.0f} degrees to the nearest, {spacing.second_deg:.0f} to the second "
-        f"nearest, and a photo shares {spacing.matched:.0%} of its features with its best partner (medians); expected "
+        f"stand far apart: {spacing.nearest:.0f} degrees to the nearest, {spacing.second:.0f} to the second "
+        f"nearest, and a photo shares {shared.matched:.0%} of its features with its best partner (medians); expected "
         f"{WANTED:.0f} degrees to the second, or {ENOUGH:.0%}"
     )
-    more = max(1, math.ceil(photos * (spacing.second_deg / WANTED)) - photos)
-    between = f"{spacing.widest[0]} and {spacing.widest[1]} ({spacing.widest_deg:.0f} degrees apart)"
-    photos_more = f"{more} more photo{'s' if more > 1 else ''}"
-    return text, f"take about {photos_more} between those {photos}, first between {between}"
+    between = f"{shared.widest[0]} and {shared.widest[1]} ({shared.widest_deg:.0f} degrees apart)"
+    return text, f"take {spacing.more_photos(photos)}, first between {between}"
