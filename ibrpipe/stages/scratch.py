@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import mmap
+import os
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -14,15 +16,34 @@ from ibrpipe.types import Array
 def scratch_array(path: Path, rows: int) -> Array:
     """Make a file of (rows, 3) float32 zeros and map it; whoever makes it removes it.
 
+    Its room on the disk is taken at once: a disk that fills up under a mapped file ends the process without a word.
+
     Raises
     ------
     ResourceError
-        The file cannot be made.
+        The file cannot be made, or there is no room for it.
     """
+    size = 12 * rows
     try:
-        return np.memmap(path, np.float32, "w+", shape=(rows, 3))
+        with path.open("wb") as file:
+            _reserve(file, size)
+        return np.memmap(path, np.float32, "r+", shape=(rows, 3))
     except OSError as error:
-        raise ResourceError(f"{path}: cannot write {12 * rows} bytes of scratch: {error.strerror or error}") from error
+        path.unlink(missing_ok=True)
+        raise ResourceError(
+            f"{path}: cannot take {size / 1e6:.0f} MB of disk for what does not stay in memory "
+            f"({error.strerror or error}); make room and run the same command again"
+        ) from error
+
+
+def _reserve(file: BinaryIO, size: int) -> None:
+    """Make a file `size` bytes long, with room on the disk for all of them."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file.fileno(), 0, size)
+        return
+    block = bytes(1 << 20)
+    for start in range(0, size, len(block)):
+        file.write(block[: size - start])
 
 
 def hand_back(array: Array) -> None:
