@@ -58,7 +58,7 @@ class Sources:
     memory : int
         Bytes that volume or solver may take.
     views : sequence of View
-        The photos, to judge surfaces by; without any the outlines alone are not tried.
+        The photos, to judge surfaces by; with fewer than `LEAST_VIEWS` Poisson's is taken unjudged.
     """
 
     fused: Fused
