@@ -14,7 +14,7 @@ from pydantic import Field
 import ibrpipe
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
-from ibrpipe.errors import CaptureError
+from ibrpipe.errors import IbrError
 from ibrpipe.io.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import View, ViewSet, read_views
 from ibrpipe.progress import track
@@ -132,27 +132,32 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     return outputs
 
 
-def _truth(inputs: Inputs, config: EvaluateConfig, views: ViewSet) -> TrueSurface | None:
+def _measured(
+    inputs: Inputs, config: EvaluateConfig, mesh: Mesh, views: ViewSet
+) -> tuple[TrueSurface | None, GeometryScores | None]:
+    """Measure the surface where there is a truth; one that nobody named must not cost the report when it is bad."""
     capture = Path(views.info["capture"]) if "capture" in views.info else None
-    named = None if config.truth is None else Path(config.truth)
-    found = find_truth(named, inputs.given, inputs.mesh, capture)
-    return None if found is None else placed_truth(found, views.train, capture, inputs.run)
+    path = find_truth(None if config.truth is None else Path(config.truth), inputs.given, inputs.mesh, capture)
+    if path is None:
+        return None, None
+    try:
+        truth = placed_truth(path, views.train, capture, inputs.run)
+        if truth.mesh is None:
+            return truth, None
+        rules = GeometryRules(config.surface_thresholds, config.surface_samples)
+        dense, filled = inputs.mesh.parent / "dense", filled_vertices(inputs.mesh)
+        return truth, measure_geometry(mesh, truth.mesh, path.name, views.train, dense, rules, filled)
+    except IbrError as error:
+        if config.truth is not None:
+            raise
+        return TrueSurface(path, None, f"The surface was not measured against the true one: {error}"), None
 
 
 def _surface(
     inputs: Inputs, config: EvaluateConfig, mesh: Mesh, views: ViewSet
 ) -> tuple[TrueSurface | None, GeometryScores | None, list[SurfacePictures]]:
     """Measure the surface where there is a truth, and draw it where it was made from photos."""
-    truth, scores = _truth(inputs, config, views), None
-    if truth is not None and truth.mesh is not None:
-        rules = GeometryRules(config.surface_thresholds, config.surface_samples)
-        dense, filled = inputs.mesh.parent / "dense", filled_vertices(inputs.mesh)
-        try:
-            scores = measure_geometry(mesh, truth.mesh, truth.path.name, views.train, dense, rules, filled)
-        except CaptureError as error:
-            if config.truth is not None:
-                raise
-            truth = TrueSurface(truth.path, None, f"{truth.told}, but was not measured against: {error}")
+    truth, scores = _measured(inputs, config, mesh, views)
     true = None if truth is None else truth.mesh
     confidence = read_vertex_values(inputs.mesh).get("confidence") if inputs.mesh.suffix == ".ply" else None
     if true is None and confidence is None:

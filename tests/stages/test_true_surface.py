@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from ibrpipe.core.similarity import move_places, move_poses
-from ibrpipe.errors import CaptureError
+from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.meshes import write_mesh
-from ibrpipe.io.views import View
+from ibrpipe.io.views import View, ViewSet
+from ibrpipe.stages import evaluate
 from ibrpipe.stages.true_surface import find_truth, placed_truth
 from ibrpipe.synthetic.layout import write_colmap_text
 from ibrpipe.types import Camera, Mesh
@@ -103,3 +104,20 @@ def test_without_true_cameras_a_world_of_its_own_is_not_measured(capture) -> Non
         placed = placed_truth(folder / "truth/mesh.ply", views, folder, folder / "run")
         assert (placed.mesh is not None) == known
     assert "no true cameras lie beside it" in placed.told
+
+
+def test_a_bad_truth_costs_the_report_only_where_it_was_named(capture) -> None:
+    folder, views, _ = capture
+    (folder / "geometry").mkdir()
+    write_mesh(MESH, folder / "geometry/mesh.ply")
+    (folder / "geometry/geometry.json").write_text(json.dumps({"decision": "photos"}))
+    (folder / "truth/mesh.ply").write_text("no mesh")
+    given = evaluate.Inputs(folder, folder, folder / "geometry/mesh.ply", folder, folder)
+    known = ViewSet(tuple(views), info={"capture": str(folder)})
+    truth, scores = evaluate._measured(given, evaluate.EvaluateConfig(), MESH, known)
+    assert truth is not None
+    assert (truth.mesh, scores) == (None, None)
+    assert truth.told.startswith(f"The surface was not measured against the true one: {folder / 'truth/mesh.ply'}")
+    named = evaluate.EvaluateConfig(truth=str(folder / "truth/mesh.ply"))
+    with pytest.raises(FormatError, match=r"truth/mesh\.ply"):
+        evaluate._measured(given, named, MESH, known)
