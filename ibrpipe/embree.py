@@ -10,39 +10,8 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.core.normals import corner_normals, face_normals
-from ibrpipe.errors import ResourceError
+from ibrpipe.native_imports import import_open3d
 from ibrpipe.types import Array, Camera, Mesh
-
-
-def import_open3d() -> Any:
-    """Import Open3D, helping it to the libusb that its binary asks for.
-
-    Raises
-    ------
-    ResourceError
-        A system library is missing; the message says what to type.
-    """
-    try:
-        import open3d
-    except (ImportError, OSError) as first:
-        try:
-            _load_libusb()
-            import open3d
-        except (ImportError, OSError) as second:
-            raise ResourceError(
-                f"Open3D does not load ({second or first}); on Debian or Ubuntu type: "
-                "sudo apt-get install -y libusb-1.0-0 libgl1 libegl1 libx11-6 libgomp1"
-            ) from second
-    return open3d
-
-
-def _load_libusb() -> None:
-    """Load the libusb of the package libusb-package under the name that Open3D's loader looks for."""
-    import ctypes
-
-    import libusb_package
-
-    ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
 
 
 @dataclass(frozen=True, eq=False)

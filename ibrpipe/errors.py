@@ -4,6 +4,11 @@ Every message says what is wrong, the value met, what was expected and the remed
 `IbrError` into one line and exit code 1.
 """
 
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
 
 class IbrError(Exception):
     """Root of all errors raised by ibrpipe on purpose."""
@@ -39,3 +44,12 @@ class RendererError(IbrError, ValueError):
 
 class ResourceError(IbrError, OSError):
     """The disk, the memory or a system library does not suffice."""
+
+
+def closest(name: object, valid: Iterable[object]) -> str:
+    """Say which of the `valid` names is probably meant, or list them."""
+    names = [str(each) for each in valid]
+    found = difflib.get_close_matches(str(name), names, n=1)
+    if found:
+        return f'did you mean "{found[0]}"?'
+    return f"expected one of: {', '.join(names)}" if names else "nothing may stand here"

@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ibrpipe.io.pycolmap_import import import_pycolmap
+from ibrpipe.native_imports import import_pycolmap
 from ibrpipe.stages.calibration.prospects import may_share_geometry
 
 pycolmap = import_pycolmap()

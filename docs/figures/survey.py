@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.core.similarity import fit_cameras
-from ibrpipe.io.pycolmap_import import import_pycolmap
+from ibrpipe.native_imports import import_pycolmap
 
 #: Cauchy's weight over the median error, and that over the noise of one coordinate
 ROBUST, MEDIAN = 1.5, 1.1774

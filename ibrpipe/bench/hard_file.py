@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from pydantic import Field, create_model
 
-from ibrpipe.bench.hard_results import CaseFacts, Cell, Figures, HardCasesModel, Limits, SettingFacts, _Record
+from ibrpipe.bench.hard_results import CaseFacts, Cell, Figures, HardCasesModel, Limits, SettingFacts
+from ibrpipe.config import Document
 from ibrpipe.io.manifest import write_text
 from ibrpipe.stages.metrics import Machine
 
 DIGITS = 4
 
 
-class CellColumns(_Record):
+class CellColumns(Document):
     """All cells; entry i of every column belongs to cell i."""
 
     case: list[int] = Field(description="Which of `cases`")
@@ -36,7 +37,7 @@ def _figure_columns() -> Any:
         for name, field in Figures.model_fields.items()
     }
     return create_model(
-        "FigureColumns", __base__=_Record, cell=(list[int], Field(description="Number of the cell")), **columns
+        "FigureColumns", __base__=Document, cell=(list[int], Field(description="Number of the cell")), **columns
     )
 
 
@@ -46,14 +47,14 @@ else:
     FigureColumns = _figure_columns()
 
 
-class Failure(_Record):
+class Failure(Document):
     """What of a cell is beyond its limit."""
 
     cell: int = Field(description="Number of the cell")
     what: list[str] = Field(description="In words")
 
 
-class HardCasesFile(_Record):
+class HardCasesFile(Document):
     """All cells, and what they were measured on."""
 
     schema_version: Literal[3] = 3

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from ibrpipe.config import Document
 from ibrpipe.stages.metrics import Machine
 
 Status = Literal["pass", "fail", "refused", "not applicable"]
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class CaseFacts(_Record):
+class CaseFacts(Document):
     """One hard case."""
 
     name: str = Field(description="Name, unique")
@@ -23,7 +20,7 @@ class CaseFacts(_Record):
     what: str = Field(description="What is hard about it")
 
 
-class SettingFacts(_Record):
+class SettingFacts(Document):
     """One renderer with options."""
 
     label: str = Field(description="Name in the table, unique")
@@ -34,7 +31,7 @@ class SettingFacts(_Record):
     first_layer: bool = Field(description="Only the first sample of each texel is shown, and compared")
 
 
-class Figures(_Record):
+class Figures(Document):
     """Errors of one frame against the exact answer."""
 
     pixels: int = Field(description="Pixels of the frame")
@@ -58,7 +55,7 @@ class Figures(_Record):
     meant_p99: float | None = Field(description="99th percentile of the same")
 
 
-class Limits(_Record):
+class Limits(Document):
     """What the frame may show at most; null = no limit."""
 
     texels: float | None = Field(description="For the largest distance along the ray, rounding of depth included")
@@ -71,7 +68,7 @@ class Limits(_Record):
     reason: str = Field(description="Why the limits are these")
 
 
-class Cell(_Record):
+class Cell(Document):
     """One case, one setting, one type of the arrays given, one storage of depth; with one thread and with all."""
 
     case: str = Field(description="Name of the case")
@@ -87,7 +84,7 @@ class Cell(_Record):
     limits: Limits | None = Field(description="Limits that the figures were held to")
 
 
-class HardCasesModel(_Record):
+class HardCasesModel(Document):
     """All cells, and what they were measured on."""
 
     machine: Machine = Field(description="Processor, threads, versions")

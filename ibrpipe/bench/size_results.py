@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from ibrpipe.bench.speed_results import ContenderFacts, Growth
+from ibrpipe.config import Document
 from ibrpipe.stages.metrics import Machine
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Table2Row(_Record):
+class Table2Row(Document):
     """One model, search and size."""
 
     model: str = Field(description="torus, globe or dragon")
@@ -27,14 +24,14 @@ class Table2Row(_Record):
     paper: float | None = Field(description="The paper's time, ms, on a 250 MHz R10000; null = it gives none")
 
 
-class Skipped(_Record):
+class Skipped(Document):
     """A model that was not measured."""
 
     model: str = Field(description="Its name in the paper")
     reason: str = Field(description="Why, and what to do")
 
 
-class Table2Model(_Record):
+class Table2Model(Document):
     """Table 2 of schaufler1999, measured again."""
 
     schema_version: Literal[1] = 1
@@ -44,7 +41,7 @@ class Table2Model(_Record):
     seconds: float = Field(ge=0, description="Time of the whole run, s")
 
 
-class GrowthModel(_Record):
+class GrowthModel(Document):
     """Time against size for each region of the epipole."""
 
     schema_version: Literal[2] = 2

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from ibrpipe.config import Document
 from ibrpipe.stages.metrics import Machine
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class ContenderFacts(_Record):
+class ContenderFacts(Document):
     """One setting of a renderer, or a peer."""
 
     label: str = Field(description="Name in tables and plots, unique")
@@ -23,7 +20,7 @@ class ContenderFacts(_Record):
     main: bool = Field(description="Takes part in the curves of growth")
 
 
-class WorkFacts(_Record):
+class WorkFacts(Document):
     """One thing that is rendered."""
 
     name: str = Field(description="Name, unique")
@@ -33,7 +30,7 @@ class WorkFacts(_Record):
     views: list[str] = Field(description="Names of its views")
 
 
-class Preparation(_Record):
+class Preparation(Document):
     """What preparing one thing for one contender costs."""
 
     work: str = Field(description="Name of what is rendered")
@@ -42,7 +39,7 @@ class Preparation(_Record):
     bytes: int = Field(ge=0, description="Bytes held beyond the source")
 
 
-class Timing(_Record):
+class Timing(Document):
     """Time of a frame."""
 
     milliseconds: float = Field(ge=0, description="Median")
@@ -52,7 +49,7 @@ class Timing(_Record):
     frames: int = Field(ge=1, description="Timed frames")
 
 
-class Score(_Record):
+class Score(Document):
     """One contender, one thing, one view: its speed and its error."""
 
     work: str = Field(description="Name of what is rendered")
@@ -74,7 +71,7 @@ class Score(_Record):
     meant_rmse: float = Field(ge=0, description="Root mean square distance of right hits from it, texels")
 
 
-class Growth(_Record):
+class Growth(Document):
     """Times of one contender over sizes."""
 
     series: str = Field(description="'texels grow', 'both grow', or the region of the epipole")
@@ -89,7 +86,7 @@ class Growth(_Record):
     )
 
 
-class Choice(_Record):
+class Choice(Document):
     """Who is fastest within a demand on the error."""
 
     need: str = Field(description="The demand in words")
@@ -101,7 +98,7 @@ class Choice(_Record):
     ratio: float | None = Field(description="Time of the next over that of the winner")
 
 
-class SpeedErrorModel(_Record):
+class SpeedErrorModel(Document):
     """Speed against error of all contenders in one interleaved run."""
 
     schema_version: Literal[2] = 2

@@ -62,7 +62,7 @@ class LazyGroup(click.Group):
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
-            from ibrpipe.stages.registry import closest
+            from ibrpipe.errors import closest
 
             advice = closest(args[0], self.list_commands(ctx))
             raise click.UsageError(f'there is no command "{args[0]}"; {advice}', ctx) from error

@@ -47,7 +47,7 @@ def command(name: str | None, out: Path | None) -> None:
     """Print the JSON Schema NAME, or write all of them to a folder; without either, list their names."""
     known = models()
     if name is not None and name not in known:
-        from ibrpipe.stages.registry import closest
+        from ibrpipe.errors import closest
 
         raise click.UsageError(f'there is no schema "{name}"; {closest(name, known)}')
     chosen = known if name is None else {name: known[name]}

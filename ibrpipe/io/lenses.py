@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ibrpipe.errors import CaptureError
-from ibrpipe.io.pycolmap_import import import_pycolmap
+from ibrpipe.native_imports import import_pycolmap
 from ibrpipe.types import Array, Camera
 
 Keep = Literal["all", "inside"]

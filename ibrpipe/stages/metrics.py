@@ -6,16 +6,14 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from ibrpipe.config import Document
 
 SCHEMA_VERSION = 1
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Scores(_Record):
+class Scores(Document):
     """Error and speed of one way of rendering, in one view or in the mean over the views."""
 
     psnr: float | None = Field(description="dB over the mask, 8-bit sRGB; 100 = no pixel differs")
@@ -32,7 +30,7 @@ class Scores(_Record):
     mpix_per_s: float | None = Field(default=None, description="Millions of pixels a second at the timing size")
 
 
-class ViewMetrics(_Record):
+class ViewMetrics(Document):
     """Scores of one held-out view."""
 
     name: str = Field(description="The view's name, as in the capture")
@@ -42,7 +40,7 @@ class ViewMetrics(_Record):
     baselines: dict[str, Scores] = Field(description="By baseline")
 
 
-class ThresholdScores(_Record):
+class ThresholdScores(Document):
     """Shares of two surfaces that lie within a distance of each other."""
 
     share: float = Field(description="The distance as a share of the true surface's diagonal")
@@ -56,7 +54,7 @@ class ThresholdScores(_Record):
     )
 
 
-class DepthScores(_Record):
+class DepthScores(Document):
     """Error of the depth maps that the surface was made from, along the cameras' axes."""
 
     maps: int = Field(description="Depth maps")
@@ -66,7 +64,7 @@ class DepthScores(_Record):
     bad_shares: list[float] = Field(description="Shares of the pixels with depth that err by more than each threshold")
 
 
-class GeometryScores(_Record):
+class GeometryScores(Document):
     """Error of a surface that was made from photos, over what at least two photos see."""
 
     truth: str = Field(description="File name of the true mesh")
@@ -81,7 +79,7 @@ class GeometryScores(_Record):
     depth: DepthScores | None = Field(default=None, description="Of the depth maps; null = none were kept")
 
 
-class Protocol(_Record):
+class Protocol(Document):
     """How the figures were taken; `lines` say the same in words."""
 
     mask_threshold: float = Field(description="Least mask coverage of a pixel that counts")
@@ -97,7 +95,7 @@ class Protocol(_Record):
     lines: list[str] = Field(description="The protocol in sentences, as the report prints it")
 
 
-class Machine(_Record):
+class Machine(Document):
     """What the figures were measured on."""
 
     cpu: str = Field(description="Processor as the system names it")
@@ -108,7 +106,7 @@ class Machine(_Record):
     versions: dict[str, str] = Field(description="Versions of ibrpipe and of the libraries that matter")
 
 
-class MetricsModel(_Record):
+class MetricsModel(Document):
     """The whole of ``metrics.json``."""
 
     schema_version: int = Field(default=SCHEMA_VERSION, description="Version of this layout")

@@ -11,8 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator
 
 import ibrpipe
 from ibrpipe.config import StageConfig
-from ibrpipe.errors import ConfigError, MissingFileError
-from ibrpipe.stages.registry import closest, load_stages
+from ibrpipe.errors import ConfigError, MissingFileError, closest
+from ibrpipe.stages.registry import load_stages
 from ibrpipe.stages.settings import Settings, parse, validated, value_of
 from ibrpipe.stages.stage import Stage
 

@@ -247,7 +247,7 @@ def _tightest_axes(points: Array) -> Array | None:
 
 def _box_axes(points: Array) -> Array | None:
     """Return the axes of Open3D's smallest box, None where they do not fit it; RuntimeError for points in a plane."""
-    from ibrpipe.embree import import_open3d
+    from ibrpipe.native_imports import import_open3d
 
     o3d = import_open3d()
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from ibrpipe.errors import ConfigError
+from ibrpipe.errors import ConfigError, closest
 
 if TYPE_CHECKING:
     from ibrpipe.stages.stage import Stage
@@ -44,12 +42,3 @@ def load_stage(name: str) -> Stage:
 def load_stages() -> tuple[Stage, ...]:
     """Import all stages, in pipeline order."""
     return tuple(load_stage(name) for name in STAGES)
-
-
-def closest(name: object, valid: Iterable[object]) -> str:
-    """Say which of the `valid` names is probably meant, or list them."""
-    names = [str(each) for each in valid]
-    found = difflib.get_close_matches(str(name), names, n=1)
-    if found:
-        return f'did you mean "{found[0]}"?'
-    return f"expected one of: {', '.join(names)}" if names else "nothing may stand here"

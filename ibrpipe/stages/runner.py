@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrpipe.config import StageConfig
-from ibrpipe.errors import ConfigError, ResourceError
+from ibrpipe.errors import ConfigError, ResourceError, closest
 from ibrpipe.io.manifest import (
     NAME,
     RUN_NAME,
@@ -23,7 +23,6 @@ from ibrpipe.io.manifest import (
 )
 from ibrpipe.stages.pipeline import Pipeline
 from ibrpipe.stages.provenance import code_digest, measured, versions
-from ibrpipe.stages.registry import closest
 from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.wiring import files_named, hashes, wire
 from ibrpipe.stages.workplace import files_with_sizes, only_run, whole_folder

@@ -10,8 +10,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from ibrpipe.errors import ConfigError
-from ibrpipe.stages.registry import closest
+from ibrpipe.errors import ConfigError, closest
 
 Key = tuple[str | int, ...]
 Model = TypeVar("Model", bound=BaseModel)

@@ -49,7 +49,7 @@ def test_written_ply_loses_nothing(tmp_path):
 
 
 def test_open3d_reads_what_is_written(tmp_path):
-    from ibrpipe.embree import import_open3d
+    from ibrpipe.native_imports import import_open3d
 
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0.25]], [[0, 1, 2]])
     write_mesh(mesh, tmp_path / "a.ply")

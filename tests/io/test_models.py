@@ -12,8 +12,8 @@ import pytest
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.colmap import find_model, read_model
 from ibrpipe.io.lenses import Lens
-from ibrpipe.io.pycolmap_import import import_pycolmap
 from ibrpipe.io.transforms import pose_from_opengl, read_transforms
+from ibrpipe.native_imports import import_pycolmap
 from ibrpipe.types import Camera
 
 SIZE = (96, 72)

@@ -9,7 +9,7 @@ import pytest
 CODE = """
 import os, signal, sys
 {before}
-from ibrpipe.io.pycolmap_import import import_pycolmap
+from ibrpipe.native_imports import import_pycolmap
 import_pycolmap()
 os.kill(os.getpid(), signal.SIGTERM)
 """

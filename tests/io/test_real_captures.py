@@ -9,9 +9,9 @@ import pytest
 from ibrpipe.core.color import luminance
 from ibrpipe.io.captures import CaptureOptions, read_capture
 from ibrpipe.io.colmap import find_model, read_model
-from ibrpipe.io.pycolmap_import import import_pycolmap
 from ibrpipe.io.transforms import read_transforms
 from ibrpipe.io.views import load_depth, load_view
+from ibrpipe.native_imports import import_pycolmap
 from ibrpipe.stages.ingest import IngestConfig, Inputs, run
 
 pytestmark = pytest.mark.real

@@ -106,7 +106,7 @@ def test_a_model_is_read_by_colmap_itself(found: Path) -> None:
     import sys
 
     code = (
-        "from ibrpipe.io.pycolmap_import import import_pycolmap as p; r = p().Reconstruction(); r.read(r'%s'); "
+        "from ibrpipe.native_imports import import_pycolmap as p; r = p().Reconstruction(); r.read(r'%s'); "
         "r.update_point_3d_errors(); print(r.num_reg_images(), r.compute_mean_reprojection_error())"
     )
     told = subprocess.run([sys.executable, "-c", code % (found / "sparse/0")], capture_output=True, text=True)

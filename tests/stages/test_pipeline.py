@@ -16,9 +16,9 @@ from setuptools import find_packages
 
 import ibrpipe
 from ibrpipe.config import StageConfig
-from ibrpipe.errors import ConfigError, MissingFileError
+from ibrpipe.errors import ConfigError, MissingFileError, closest
 from ibrpipe.stages.pipeline import find_pipeline, load_pipeline, packaged_pipelines
-from ibrpipe.stages.registry import STAGES, closest
+from ibrpipe.stages.registry import STAGES
 from ibrpipe.stages.settings import Settings, parse
 from ibrpipe.stages.stage import Stage
 

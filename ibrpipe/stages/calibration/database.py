@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.io.pycolmap_import import import_pycolmap
+from ibrpipe.native_imports import import_pycolmap
 from ibrpipe.stages.calibration.features import Features
 from ibrpipe.stages.calibration.lenses import Start
 from ibrpipe.stages.calibration.nearest import matching

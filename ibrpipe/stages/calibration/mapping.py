@@ -11,7 +11,7 @@ import numpy as np
 
 from ibrpipe.io.colmap_write import ModelImage, SparseModel
 from ibrpipe.io.lenses import Lens
-from ibrpipe.io.pycolmap_import import import_pycolmap
+from ibrpipe.native_imports import import_pycolmap
 from ibrpipe.stages.calibration.database import make_camera
 from ibrpipe.stages.calibration.features import Features
 from ibrpipe.stages.calibration.lenses import Start

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.core.volume import observe
-from ibrpipe.embree import import_open3d
 from ibrpipe.errors import CaptureError
+from ibrpipe.native_imports import import_open3d
 from ibrpipe.progress import track
 from ibrpipe.stages.surface.maps import MapStore, pack
 from ibrpipe.types import Array, Mesh

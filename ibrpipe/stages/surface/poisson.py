@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ibrpipe.embree import import_open3d
 from ibrpipe.errors import CaptureError
+from ibrpipe.native_imports import import_open3d
 from ibrpipe.stages.surface.fusion import Cloud
 from ibrpipe.types import Array, Mesh
 

@@ -16,7 +16,7 @@ def run_python(code):
 
 def test_opencv_still_encodes_png_after_our_import():
     result = run_python(
-        f"from ibrpipe.io.pycolmap_import import import_pycolmap; import_pycolmap(); {ENCODE}; print('fine')"
+        f"from ibrpipe.native_imports import import_pycolmap; import_pycolmap(); {ENCODE}; print('fine')"
     )
     assert result.returncode == 0, result.stderr
     assert result.stdout.strip() == "fine"
@@ -36,4 +36,4 @@ def test_only_one_module_imports_pycolmap():
         for path in package.rglob("*.py")
         if re.search(r"^\s*(import|from) pycolmap\b", path.read_text(encoding="utf-8"), re.MULTILINE)
     ]
-    assert importers == ["pycolmap_import.py"]
+    assert importers == ["native_imports.py"]
