@@ -13,8 +13,8 @@ from ibrpipe.bench.size_results import GrowthModel
 from ibrpipe.bench.speed_results import ContenderFacts, Growth, Score, WorkFacts
 from ibrpipe.bench.timing import interleave, slope
 from ibrpipe.bench.workloads import height_field, region_views
+from ibrpipe.engine.machine import describe_machine
 from ibrpipe.progress import track
-from ibrpipe.stages.machine import describe_machine
 
 #: most frames from which the fastest is taken, in each of several rounds over all sizes: clock rates change in between
 FRAMES, ROUNDS = 20, 5

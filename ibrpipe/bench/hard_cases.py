@@ -27,10 +27,10 @@ from ibrpipe.bench.hard_results import CaseFacts, Cell, HardCasesModel, SettingF
 from ibrpipe.bench.hard_spirals import spiral_cells
 from ibrpipe.bench.measure import measure
 from ibrpipe.bench.settings import Setting
+from ibrpipe.engine.machine import describe_machine
 from ibrpipe.errors import IbrError
 from ibrpipe.progress import track
 from ibrpipe.renderers.registry import find_renderer
-from ibrpipe.stages.machine import describe_machine
 
 #: pixels by which a camera's rays and its projections may part when its rotation is rounded
 APART = 0.1

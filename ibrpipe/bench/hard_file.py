@@ -11,8 +11,8 @@ from pydantic import Field, create_model
 
 from ibrpipe.bench.hard_results import CaseFacts, Cell, Figures, HardCasesModel, Limits, SettingFacts
 from ibrpipe.config import Document
+from ibrpipe.engine.machine import Machine
 from ibrpipe.io.manifest import write_text
-from ibrpipe.stages.metrics import Machine
 
 DIGITS = 4
 

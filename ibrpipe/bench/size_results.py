@@ -8,7 +8,7 @@ from pydantic import Field
 
 from ibrpipe.bench.speed_results import ContenderFacts, Growth
 from ibrpipe.config import Document
-from ibrpipe.stages.metrics import Machine
+from ibrpipe.engine.machine import Machine
 
 
 class Table2Row(Document):

@@ -20,8 +20,8 @@ from ibrpipe.bench.speed_results import ContenderFacts, Growth, Preparation, Sco
 from ibrpipe.bench.timing import Times, interleave
 from ibrpipe.bench.workloads import FIRST, Workload, bumpy_torus, height_field, object_of, strided
 from ibrpipe.core.color import srgb_encode
+from ibrpipe.engine.machine import describe_machine
 from ibrpipe.progress import track
-from ibrpipe.stages.machine import describe_machine
 from ibrpipe.types import Array, Camera, Frame, Mesh
 
 #: views whose errors are shown as pictures

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from ibrpipe.config import Document
-from ibrpipe.stages.metrics import Machine
+from ibrpipe.engine.machine import Machine
 
 
 class ContenderFacts(Document):

@@ -13,10 +13,11 @@ from ibrpipe.cli.options import PATH, example, json_option, workers_option
 from ibrpipe.cli.run import run_shown, summary
 from ibrpipe.cli.show import display, size
 from ibrpipe.cli.synth import made
-from ibrpipe.stages.executor import executor
-from ibrpipe.stages.pipeline import load_pipeline
-from ibrpipe.stages.runner import Run
-from ibrpipe.stages.workplace import only_run
+from ibrpipe.engine.executor import executor
+from ibrpipe.engine.pipeline_file import load_pipeline
+from ibrpipe.engine.run_folder import only_run
+from ibrpipe.engine.runner import Run
+from ibrpipe.stages.registry import load_stages
 from ibrpipe.synthetic.capture import SynthConfig
 
 
@@ -28,7 +29,7 @@ def command(ctx: click.Context, out: Path, **shared: Any) -> None:
 
     Takes under two minutes on two cores. A second call only does what is not there yet.
     """
-    pipeline = load_pipeline(Path("demo"))
+    pipeline = load_pipeline(Path("demo"), load_stages())
     capture = out / "capture"
     with executor(shared["workers"]), display() as shown, only_run(out):
         made("glossy", capture, SynthConfig(seed=pipeline.seed), shown)

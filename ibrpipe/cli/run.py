@@ -10,12 +10,12 @@ import click
 
 from ibrpipe.cli.options import dask_option, example, json_option, workers_option
 from ibrpipe.cli.show import display, duration, told
+from ibrpipe.engine.executor import executor
+from ibrpipe.engine.pipeline_file import Pipeline, load_pipeline
+from ibrpipe.engine.runner import Run, run_pipeline
 from ibrpipe.errors import ConfigError
 from ibrpipe.io.manifest import Manifest
-from ibrpipe.stages.executor import executor
-from ibrpipe.stages.pipeline import Pipeline, load_pipeline
 from ibrpipe.stages.registry import STAGES, load_stages
-from ibrpipe.stages.runner import Run, run_pipeline
 
 _PATH = click.Path(path_type=Path)
 
@@ -70,7 +70,7 @@ command.params += [workers_option, dask_option, json_option]
 def _loaded(path: Path, changes: tuple[str, ...]) -> Pipeline:
     """Load the pipeline; a wrong --set is a wrong use of the command."""
     try:
-        return load_pipeline(path, changes)
+        return load_pipeline(path, load_stages(), changes)
     except ConfigError as error:
         if str(error).startswith("--set"):
             raise click.UsageError(str(error)) from error

@@ -20,10 +20,10 @@ def models() -> dict[str, type[BaseModel]]:
     from ibrpipe.bench.hard_file import HardCasesFile
     from ibrpipe.bench.size_results import GrowthModel, Table2Model
     from ibrpipe.bench.speed_results import SpeedErrorModel
+    from ibrpipe.engine.documents import DOCUMENTS
+    from ibrpipe.engine.pipeline_file import pipeline_model
     from ibrpipe.io.manifest import Manifest
-    from ibrpipe.stages.documents import DOCUMENTS
     from ibrpipe.stages.metrics import MetricsModel
-    from ibrpipe.stages.pipeline import pipeline_model
     from ibrpipe.stages.registry import load_stages
 
     found: dict[str, type[BaseModel]] = {name: model for name, (model, _) in DOCUMENTS.items()}

@@ -11,9 +11,9 @@ from typing import Any, Protocol
 
 import click
 
+from ibrpipe.engine.runner import Event
 from ibrpipe.io.manifest import Manifest
 from ibrpipe.progress import current_whole, listening
-from ibrpipe.stages.runner import Event
 
 LINES_PER_BAR, LINES_OF_A_WHOLE = 10, 20
 _SECONDS_BETWEEN_LINES = 2.0

@@ -19,15 +19,15 @@ from ibrpipe.cli.options import (
     workers_option,
 )
 from ibrpipe.cli.show import display, told
+from ibrpipe.engine.artifacts import MEANING, PLACES, input_fields
+from ibrpipe.engine.executor import executor
+from ibrpipe.engine.run_folder import only_run
+from ibrpipe.engine.runner import Job, run_job
+from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.yaml_settings import Key, Settings, validated
 from ibrpipe.errors import ConfigError, MissingFileError
 from ibrpipe.io.manifest import Hasher, Manifest, read_manifest
-from ibrpipe.stages.executor import executor
 from ibrpipe.stages.registry import STAGES, load_stage
-from ibrpipe.stages.runner import Job, run_job
-from ibrpipe.stages.settings import Key, Settings, validated
-from ibrpipe.stages.stage import Stage
-from ibrpipe.stages.wiring import MEANING, PLACES, input_fields
-from ibrpipe.stages.workplace import only_run
 
 
 def stage_command(stage: Stage) -> click.Command:

@@ -11,11 +11,11 @@ import click
 
 from ibrpipe.cli.options import PATH, config_options, example, given, json_option
 from ibrpipe.cli.show import Display, display, told
+from ibrpipe.engine.runner import Job, run_job
+from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.yaml_settings import Key, Settings, validated
 from ibrpipe.errors import ConfigError
 from ibrpipe.io.manifest import Hasher, Manifest
-from ibrpipe.stages.runner import Job, run_job
-from ibrpipe.stages.settings import Key, Settings, validated
-from ibrpipe.stages.stage import Stage
 from ibrpipe.synthetic.capture import SynthConfig, write_capture
 from ibrpipe.synthetic.scenes import scene_names
 

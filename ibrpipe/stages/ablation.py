@@ -20,6 +20,7 @@ import numpy as np
 from ibrpipe.core import spiral
 from ibrpipe.core.color import srgb_decode
 from ibrpipe.core.spiral_lookup import neighbours
+from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, ConfigError, IbrError
 from ibrpipe.io.residuals import read_residuals, write_residuals
 from ibrpipe.io.views import View, load_view, read_views
@@ -27,7 +28,6 @@ from ibrpipe.renderers import residual_pass
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.stages.baselines import camera_rays, render_ulr
 from ibrpipe.stages.diffuse import diffuse_frame
-from ibrpipe.stages.executor import executor
 from ibrpipe.stages.plan import TexturePlan
 from ibrpipe.stages.rectangles import passed
 from ibrpipe.stages.residual_sets import Samples, assemble, uncoded

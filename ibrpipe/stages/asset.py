@@ -11,11 +11,11 @@ from typing import Any
 from pydantic import Field
 
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.stage import Stage
 from ibrpipe.io.assets import INDEX, AssetIndex, Component, TextureEntry, write_index
 from ibrpipe.io.residuals import NAME
 from ibrpipe.io.views import read_views
 from ibrpipe.stages.plan import read_plan
-from ibrpipe.stages.stage import Stage
 
 
 class AssetConfig(StageConfig):

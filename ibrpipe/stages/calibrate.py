@@ -14,6 +14,9 @@ import numba
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.provenance import count_child
+from ibrpipe.engine.run_folder import kept_folder
+from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.captures import has_cameras
 from ibrpipe.io.manifest import write_json
@@ -22,9 +25,6 @@ from ibrpipe.stages.calibration.child import run_child
 from ibrpipe.stages.calibration.job import Job, write_job
 from ibrpipe.stages.calibration.photos import photos_of, without_cameras
 from ibrpipe.stages.calibration.results import WEAK, summary
-from ibrpipe.stages.provenance import count_child
-from ibrpipe.stages.stage import Stage
-from ibrpipe.stages.workplace import kept_folder
 
 SCHEMA = 1
 #: Module that runs in the child process

@@ -14,6 +14,8 @@ from pydantic import Field
 import ibrpipe
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
+from ibrpipe.engine.machine import describe_machine
+from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import IbrError
 from ibrpipe.io.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import View, ViewSet, read_views
@@ -21,7 +23,6 @@ from ibrpipe.progress import track
 from ibrpipe.stages.contest import Contest, make_contest
 from ibrpipe.stages.geometry_scores import GeometryRules, filled_vertices, measure_geometry
 from ibrpipe.stages.held_out import held_out_views, load_truth, read_frames
-from ibrpipe.stages.machine import describe_machine
 from ibrpipe.stages.metrics import GeometryScores, MetricsModel, Scores, ViewMetrics, mean_scores, write_metrics
 from ibrpipe.stages.photos import load_photos
 from ibrpipe.stages.protocol import make_protocol
@@ -29,7 +30,6 @@ from ibrpipe.stages.report import ViewPictures, draw_view, read_sources, write_r
 from ibrpipe.stages.report.surface_pictures import SurfacePictures, draw_surface
 from ibrpipe.stages.scores import highlight_pixels, score_frame, to_srgb8
 from ibrpipe.stages.sizes import bytes_of, seconds_of
-from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.timing import time_ways, timed_size
 from ibrpipe.stages.true_surface import TrueSurface, find_truth, placed_truth
 from ibrpipe.types import Camera, Mesh

@@ -14,6 +14,8 @@ from pydantic import Field
 
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
+from ibrpipe.engine.run_folder import kept_folder
+from ibrpipe.engine.stage import Stage
 from ibrpipe.io.dense import DepthMap, Workspace, write_workspace
 from ibrpipe.io.manifest import digest, write_json
 from ibrpipe.io.meshes import read_mesh, write_mesh
@@ -25,12 +27,10 @@ from ibrpipe.stages.coverage import spread_points
 from ibrpipe.stages.dense import DepthConfig, estimate_depths
 from ibrpipe.stages.dense.effort import depth_parts, megapixels
 from ibrpipe.stages.dense.spacing import spacing_of, warning
-from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.surface.build import build_surface
 from ibrpipe.stages.surface.effort import surface_parts
 from ibrpipe.stages.surface.given import given_maps, lacking
 from ibrpipe.stages.surface.settings import SurfaceConfig
-from ibrpipe.stages.workplace import kept_folder
 from ibrpipe.types import Mesh
 
 SCHEMA = 1

@@ -12,6 +12,7 @@ from pathlib import Path
 from pydantic import Field
 
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, read_capture
 from ibrpipe.io.lenses import Keep
@@ -21,7 +22,6 @@ from ibrpipe.io.views import View, ViewSet, write_views
 from ibrpipe.stages.audit import audit_capture, stop_on_errors, write_audit
 from ibrpipe.stages.calibration.outcome import read_world
 from ibrpipe.stages.findings import Limits
-from ibrpipe.stages.stage import Stage
 from ibrpipe.types import Mesh
 
 

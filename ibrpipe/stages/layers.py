@@ -13,6 +13,7 @@ from pydantic import Field
 
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
+from ibrpipe.engine.stage import Stage
 from ibrpipe.io.layers import write_layers
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import read_views
@@ -21,7 +22,6 @@ from ibrpipe.stages.photos import PhotoSet, load_photos
 from ibrpipe.stages.plan import TexturePlan, read_plan
 from ibrpipe.stages.rectangles import Rectangle, distinct
 from ibrpipe.stages.sharpen import sharpen
-from ibrpipe.stages.stage import Stage
 from ibrpipe.types import Array, LayeredDepthImage
 
 #: normals are rounded to this many steps per unit: a power of two, so that they compress well

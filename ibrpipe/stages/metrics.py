@@ -9,6 +9,7 @@ from pathlib import Path
 from pydantic import Field
 
 from ibrpipe.config import Document
+from ibrpipe.engine.machine import Machine
 
 SCHEMA_VERSION = 1
 
@@ -93,17 +94,6 @@ class Protocol(Document):
     timing_views: int = Field(description="Views that were timed")
     threads: int = Field(description="Threads that every timed way may use")
     lines: list[str] = Field(description="The protocol in sentences, as the report prints it")
-
-
-class Machine(Document):
-    """What the figures were measured on."""
-
-    cpu: str = Field(description="Processor as the system names it")
-    cores: int = Field(description="Logical processors this process may use")
-    threads: int = Field(description="Threads of the kernels")
-    system: str = Field(description="Operating system")
-    python: str = Field(description="Python version")
-    versions: dict[str, str] = Field(description="Versions of ibrpipe and of the libraries that matter")
 
 
 class MetricsModel(Document):

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
+from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import read_views
@@ -35,7 +36,6 @@ from ibrpipe.stages.rectangles import (
     distinct,
     sized,
 )
-from ibrpipe.stages.stage import Stage
 
 SCHEMA = 1
 #: spiral densities to choose from; coarser ones lose highlights (1/16 costs 0.7 dB on photos 22 degrees apart)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ibrpipe.errors import ConfigError, closest
 
 if TYPE_CHECKING:
-    from ibrpipe.stages.stage import Stage
+    from ibrpipe.engine.stage import Stage
 
 #: stage -> (where its `Stage` object is, what the list of commands says of it)
 STAGES: dict[str, tuple[str, str]] = {

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.stage import Stage
 from ibrpipe.io.assets import read_asset
 from ibrpipe.io.images import write_exr, write_png
 from ibrpipe.io.paths import CameraPath, is_orbit, parse_orbit
@@ -21,7 +22,6 @@ from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render, renderers
 from ibrpipe.renderers.choice import Choice, choose
-from ibrpipe.stages.stage import Stage
 from ibrpipe.stages.video import write_video
 from ibrpipe.stages.viewpoints import camera_path
 from ibrpipe.types import Array, Asset, Camera, Frame

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.core.spiral_marks import mark_images
+from ibrpipe.engine.memory_map import hand_back
 from ibrpipe.renderers import residual_pass
 from ibrpipe.stages.plan import TexturePlan
 from ibrpipe.stages.residual_units import Context
-from ibrpipe.stages.scratch import hand_back
 from ibrpipe.stages.spiral_images import spiral_images
 from ibrpipe.types import Array, SpiralResiduals, SpiralTexture
 

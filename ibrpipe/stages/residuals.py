@@ -22,16 +22,16 @@ from pydantic import Field
 
 from ibrpipe.config import StageConfig
 from ibrpipe.core.color import srgb_decode, srgb_encode
+from ibrpipe.engine.executor import current_executor
+from ibrpipe.engine.memory_map import hand_back, scratch_array
+from ibrpipe.engine.stage import Stage
 from ibrpipe.io.residuals import write_residuals
 from ibrpipe.progress import track
-from ibrpipe.stages.executor import current_executor
 from ibrpipe.stages.plan import TexturePlan, read_plan
 from ibrpipe.stages.refine import errors_in_batches
 from ibrpipe.stages.residual_sets import Samples, assemble, in_batches
 from ibrpipe.stages.residual_units import Sources, context_of, forget, forget_errors, project_errors, sample_images
-from ibrpipe.stages.scratch import hand_back, scratch_array
 from ibrpipe.stages.spiral_images import chunks, spiral_images
-from ibrpipe.stages.stage import Stage
 from ibrpipe.types import Array
 
 #: texels of a work unit, about; units that are sent ahead

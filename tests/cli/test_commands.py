@@ -21,11 +21,11 @@ from ibrpipe.cli import boundary
 from ibrpipe.cli.main import COMMANDS, cli
 from ibrpipe.cli.stage import stage_command
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.manifest import read_manifest
 from ibrpipe.progress import track
 from ibrpipe.stages.registry import STAGES, load_stage
-from ibrpipe.stages.stage import Stage
 
 NAMES = [name for section in COMMANDS.values() for name in section]
 

@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ibrpipe.cli.main import cli
-from ibrpipe.stages.documents import DOCUMENTS
+from ibrpipe.engine.documents import DOCUMENTS
 from ibrpipe.stages.metrics import read_metrics
 from ibrpipe.stages.registry import STAGES, load_stage
 

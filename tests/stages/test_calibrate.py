@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from textured_corner import HEIGHT, WIDTH, cameras, texture, write_photos
 
+from ibrpipe.engine.documents import Calibration
+from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError, ResourceError
 from ibrpipe.io.captures import read_capture
 from ibrpipe.io.images import read_image, write_png
@@ -20,8 +22,6 @@ from ibrpipe.io.views import read_views
 from ibrpipe.stages import calibrate, ingest
 from ibrpipe.stages.calibrate import CalibrateConfig, Inputs, run
 from ibrpipe.stages.calibration.compare import compare_cameras
-from ibrpipe.stages.documents import Calibration
-from ibrpipe.stages.executor import executor
 from ibrpipe.synthetic.layout import write_colmap_text
 from ibrpipe.types import Camera, Mesh
 

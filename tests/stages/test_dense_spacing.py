@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from plane_scene import HEIGHT, PLACES, WIDTH, camera_at, take, true_depth
 
+from ibrpipe.engine.documents import Geometry
 from ibrpipe.io.dense import DepthMap
 from ibrpipe.io.views import View, ViewSet
 from ibrpipe.stages import geometry
 from ibrpipe.stages.dense.spacing import angles_between, spacing_of, warning
-from ibrpipe.stages.documents import Geometry
 from ibrpipe.stages.report.surface_words import surface_sentences
 from ibrpipe.stages.spacing import Spacing
 from ibrpipe.types import Camera

@@ -7,7 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from ibrpipe.stages.metrics import Machine, MetricsModel, Protocol, Scores, ViewMetrics
+from ibrpipe.engine.machine import Machine
+from ibrpipe.stages.metrics import MetricsModel, Protocol, Scores, ViewMetrics
 from ibrpipe.stages.report import pictures, plot, words
 from ibrpipe.stages.report.page import render_page
 from ibrpipe.stages.report.sources import ReportSources

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from ibrpipe.embree import MeshCaster
+from ibrpipe.engine.artifacts import wire
+from ibrpipe.engine.documents import Geometry
+from ibrpipe.engine.run_folder import kept_folder
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.dense import Workspace, read_map, write_map
 from ibrpipe.io.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import read_views, write_views
-from ibrpipe.stages.documents import Geometry
 from ibrpipe.stages.geometry import STAGE, GeometryConfig, Inputs, run
 from ibrpipe.stages.surface.given import given_maps, lacking
 from ibrpipe.stages.surface_error import compare_surfaces
-from ibrpipe.stages.wiring import wire
-from ibrpipe.stages.workplace import kept_folder
 
 
 @pytest.fixture

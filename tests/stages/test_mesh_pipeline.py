@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from ibrpipe.stages.pipeline import load_pipeline
-from ibrpipe.stages.registry import STAGES, load_stage
+from ibrpipe.engine.pipeline_file import load_pipeline
+from ibrpipe.stages.registry import STAGES, load_stage, load_stages
 
-MESH = load_pipeline(Path("mesh"))
+MESH = load_pipeline(Path("mesh"), load_stages())
 
 
 @pytest.mark.parametrize("stage", list(STAGES))

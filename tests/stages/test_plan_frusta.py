@@ -7,11 +7,12 @@ import pytest
 import yaml
 
 from ibrpipe.embree import MeshCaster
+from ibrpipe.engine.pipeline_file import load_pipeline
 from ibrpipe.errors import ConfigError
 from ibrpipe.stages.frusta import Frustum, cube_frusta
-from ibrpipe.stages.pipeline import load_pipeline
 from ibrpipe.stages.plan import Inputs, PlanConfig, place, read_plan, run
 from ibrpipe.stages.rectangles import before_surface
+from ibrpipe.stages.registry import load_stages
 
 
 def test_a_frustums_rectangle_has_its_camera_and_lies_before_the_surface(measured):
@@ -52,7 +53,7 @@ def test_frusta_go_out_to_a_file_and_come_back_by_the_pipeline_file(measured, tm
     entries[0]["fov"] = 20.0
     text = {"plan": {"samples": 1000, "residuals": "never", "texel": 0.1, "frusta": entries[:2]}}
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(text))
-    edited = load_pipeline(tmp_path / "mine.yaml").configs["plan"]
+    edited = load_pipeline(tmp_path / "mine.yaml", load_stages()).configs["plan"]
     second = run(Inputs(folder / "views.json", folder / "mesh.ply", 0, tmp_path / "second"), edited)
     one, other = (read_plan(outputs.plan) for outputs in (made, second))
     assert len(other) == 2
@@ -74,7 +75,7 @@ def test_frusta_go_out_to_a_file_and_come_back_by_the_pipeline_file(measured, tm
 def test_mistakes_in_the_pipeline_file_are_named(tmp_path, line, match):
     (tmp_path / "mine.yaml").write_text(f"plan:\n  {line}\n")
     with pytest.raises(ConfigError, match=match):
-        load_pipeline(tmp_path / "mine.yaml")
+        load_pipeline(tmp_path / "mine.yaml", load_stages())
 
 
 def test_a_frustum_that_sees_nothing_stands_at_its_target(measured):

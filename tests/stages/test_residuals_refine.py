@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from ibrpipe.core.color import srgb_decode, srgb_encode
+from ibrpipe.engine.executor import executor
 from ibrpipe.io.residuals import read_residuals
 from ibrpipe.stages import ingest, layers, plan, residual_sets, residuals
 from ibrpipe.stages import spiral_images as spiral_images_module
-from ibrpipe.stages.executor import executor
 from ibrpipe.stages.refine import errors_in_batches, photo_errors
 from ibrpipe.stages.residual_sets import Samples, in_batches, uncoded
 from ibrpipe.stages.residual_units import Sources, context_of, forget, sample_images

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrpipe.engine.provenance import peak_memory
 from ibrpipe.io.colmap_write import ModelImage, SparseModel
 from ibrpipe.io.lenses import Lens, project
 from ibrpipe.stages.calibration.features import Features
@@ -14,7 +15,6 @@ from ibrpipe.stages.calibration.job import Job
 from ibrpipe.stages.calibration.lenses import Start, angle_of_view
 from ibrpipe.stages.calibration.spacing import Shared, shared_of, words
 from ibrpipe.stages.calibration.world import Placed
-from ibrpipe.stages.provenance import peak_memory
 from ibrpipe.types import Array
 
 #: Photos with fewer points than this stand on weak feet

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ibrpipe.engine.executor import current_executor
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.dense import DepthMap, read_map, write_workspace
 from ibrpipe.io.points import SparsePoints
@@ -21,7 +22,6 @@ from ibrpipe.stages.dense.pairs import run_pairs
 from ibrpipe.stages.dense.pictures import forget_pictures
 from ibrpipe.stages.dense.settings import DepthConfig
 from ibrpipe.stages.dense.spacing import angles_between
-from ibrpipe.stages.executor import current_executor
 
 __all__ = ["DepthConfig", "estimate_depths"]
 

@@ -15,12 +15,12 @@ import pytest
 from pydantic import Field
 
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.pipeline_file import Pipeline
+from ibrpipe.engine.run_folder import only_run, whole_folder
+from ibrpipe.engine.runner import Event, Run, run_pipeline
+from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import CaptureError, ConfigError, MissingFileError, ResourceError
 from ibrpipe.io.manifest import Hasher, read_manifest
-from ibrpipe.stages.pipeline import Pipeline
-from ibrpipe.stages.runner import Event, Run, run_pipeline
-from ibrpipe.stages.stage import Stage
-from ibrpipe.stages.workplace import only_run, whole_folder
 
 
 class ReadConfig(StageConfig):
@@ -325,7 +325,7 @@ def test_stale_folders_are_cleared_and_an_old_result_is_put_back(tmp_path: Path)
 KILLED = """
     import sys, time
     from pathlib import Path
-    from ibrpipe.stages.workplace import only_run, whole_folder
+    from ibrpipe.engine.run_folder import only_run, whole_folder
     out = Path(sys.argv[1])
     with only_run(out), whole_folder(out / "layers") as folder:
         (folder / "half.txt").write_text("half")

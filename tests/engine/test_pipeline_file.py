@@ -16,11 +16,11 @@ from setuptools import find_packages
 
 import ibrpipe
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.pipeline_file import find_pipeline, load_pipeline, packaged_pipelines
+from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.yaml_settings import Settings, parse
 from ibrpipe.errors import ConfigError, MissingFileError, closest
-from ibrpipe.stages.pipeline import find_pipeline, load_pipeline, packaged_pipelines
-from ibrpipe.stages.registry import STAGES
-from ibrpipe.stages.settings import Settings, parse
-from ibrpipe.stages.stage import Stage
+from ibrpipe.stages.registry import STAGES, load_stages
 
 ROOT = Path(ibrpipe.__file__).parent.parent
 
@@ -53,7 +53,7 @@ FAKES = (
 
 def load(folder: Path, text: str, *changes: str) -> dict[str, StageConfig]:
     (folder / "p.yaml").write_text(text, encoding="utf-8")
-    return load_pipeline(folder / "p.yaml", changes, FAKES).configs
+    return load_pipeline(folder / "p.yaml", FAKES, changes).configs
 
 
 def test_defaults_settings_and_changes(tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_defaults_settings_and_changes(tmp_path: Path) -> None:
     assert changed["layers"] == LayersConfig(boxes=(Box(depth=5),), box=Box(depth=9))
     assert changed["render"] == RenderConfig(width=7)
     assert load(tmp_path, text, "layers.boxes=[]", "layers.mode=mean")["layers"] == LayersConfig(mode="mean")
-    assert load_pipeline(tmp_path / "p.yaml", ["seed=4"], FAKES).seed == 4
+    assert load_pipeline(tmp_path / "p.yaml", FAKES, ["seed=4"]).seed == 4
 
 
 BROKEN = {
@@ -126,7 +126,7 @@ def test_wrong_changes(tmp_path: Path, change: str, message: str) -> None:
 def test_not_utf8(tmp_path: Path) -> None:
     (tmp_path / "p.yaml").write_bytes(b"name: \xff\xfe")
     with pytest.raises(ConfigError, match="not UTF-8"):
-        load_pipeline(tmp_path / "p.yaml", (), FAKES)
+        load_pipeline(tmp_path / "p.yaml", FAKES)
 
 
 def test_no_such_file() -> None:
@@ -143,13 +143,12 @@ def test_pipelines_are_found_by_name_and_by_file_name(tmp_path: Path, monkeypatc
 
 @pytest.mark.parametrize("name", packaged_pipelines())
 def test_pipelines_that_come_with_ibrpipe_load(name: str) -> None:
-    pipeline = load_pipeline(packaged_pipelines()[name])
+    pipeline = load_pipeline(packaged_pipelines()[name], load_stages())
     assert pipeline.name == name
     assert list(pipeline.configs) == list(STAGES)
 
 
 def test_every_setting_is_described() -> None:
-    from ibrpipe.stages.registry import load_stages
 
     for stage in load_stages():
         for name, field in stage.config.model_fields.items():

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import ConfigError, MissingFileError
 from ibrpipe.io.manifest import Hasher, digest
-from ibrpipe.stages.stage import Stage
 
 #: input name -> path below the run folder
 PLACES = {

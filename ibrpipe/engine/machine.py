@@ -7,9 +7,21 @@ import platform
 from pathlib import Path
 
 import numba
+from pydantic import Field
 
-from ibrpipe.stages.metrics import Machine
-from ibrpipe.stages.provenance import versions
+from ibrpipe.config import Document
+from ibrpipe.engine.provenance import versions
+
+
+class Machine(Document):
+    """What the figures were measured on."""
+
+    cpu: str = Field(description="Processor as the system names it")
+    cores: int = Field(description="Logical processors this process may use")
+    threads: int = Field(description="Threads of the kernels")
+    system: str = Field(description="Operating system")
+    python: str = Field(description="Python version")
+    versions: dict[str, str] = Field(description="Versions of ibrpipe and of the libraries that matter")
 
 
 def describe_machine() -> Machine:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ibrpipe.engine.memory_map import hand_back, scratch_array
 from ibrpipe.errors import ResourceError
-from ibrpipe.stages.scratch import hand_back, scratch_array
 
 
 @pytest.mark.parametrize("system", ["allocates", "writes zeros"])

@@ -9,6 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.artifacts import files_named, hashes, wire
+from ibrpipe.engine.pipeline_file import Pipeline
+from ibrpipe.engine.provenance import code_digest, measured, versions
+from ibrpipe.engine.run_folder import files_with_sizes, only_run, whole_folder
+from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import ConfigError, ResourceError, closest
 from ibrpipe.io.manifest import (
     NAME,
@@ -21,11 +26,6 @@ from ibrpipe.io.manifest import (
     write_json,
     write_manifest,
 )
-from ibrpipe.stages.pipeline import Pipeline
-from ibrpipe.stages.provenance import code_digest, measured, versions
-from ibrpipe.stages.stage import Stage
-from ibrpipe.stages.wiring import files_named, hashes, wire
-from ibrpipe.stages.workplace import files_with_sizes, only_run, whole_folder
 
 
 @dataclass(frozen=True)

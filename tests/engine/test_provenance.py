@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ibrpipe.stages import provenance
-from ibrpipe.stages.provenance import code_digest, count_child, measured, versions
+from ibrpipe.engine import provenance
+from ibrpipe.engine.provenance import code_digest, count_child, measured, versions
 
 
 @pytest.fixture
@@ -107,7 +107,7 @@ def test_a_child_does_not_count_its_parents_memory() -> None:
     if sys.platform != "linux":
         pytest.skip("other systems have no count of their own for a child")
     block = np.ones(400_000_000 // 8)
-    code = "from ibrpipe.stages.provenance import peak_memory; print(peak_memory())"
+    code = "from ibrpipe.engine.provenance import peak_memory; print(peak_memory())"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert block[-1] == 1
     assert 5e6 < int(told.stdout) < 300e6

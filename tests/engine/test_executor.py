@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import numba
 import pytest
 
+from ibrpipe.engine.executor import InlineExecutor, cores, current_executor, executor
 from ibrpipe.errors import ResourceError
-from ibrpipe.stages.executor import InlineExecutor, cores, current_executor, executor
 
 
 def square(number: int) -> tuple[int, int, str]:

@@ -11,10 +11,9 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator
 
 import ibrpipe
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.yaml_settings import Settings, parse, validated, value_of
 from ibrpipe.errors import ConfigError, MissingFileError, closest
-from ibrpipe.stages.registry import load_stages
-from ibrpipe.stages.settings import Settings, parse, validated, value_of
-from ibrpipe.stages.stage import Stage
 
 
 @dataclass(frozen=True)
@@ -57,17 +56,17 @@ def _section(stage: Stage) -> Any:
     return Field(default_factory=stage.config, description=stage.summary)
 
 
-def load_pipeline(path: Path, changes: Sequence[str] = (), stages: Sequence[Stage] | None = None) -> Pipeline:
+def load_pipeline(path: Path, stages: Sequence[Stage], changes: Sequence[str] = ()) -> Pipeline:
     """Read a pipeline file and apply `changes` of the form ``stage.key=value``.
 
     Parameters
     ----------
     path : Path
         A file, or the name of a pipeline that comes with ibrpipe, such as ``mesh``.
+    stages : sequence of Stage
+        The stages that the file may name.
     changes : sequence of str
         Settings that replace those of the file; values are YAML.
-    stages : sequence of Stage, optional
-        The stages a file may name; all of ibrpipe's by default.
 
     Raises
     ------
@@ -76,7 +75,6 @@ def load_pipeline(path: Path, changes: Sequence[str] = (), stages: Sequence[Stag
     ConfigError
         The file or a change is wrong; one line names the place, the key, and the closest valid one.
     """
-    known = load_stages() if stages is None else tuple(stages)
     found = find_pipeline(path)
     try:
         settings = parse(found.read_text(encoding="utf-8"), str(found))
@@ -84,8 +82,8 @@ def load_pipeline(path: Path, changes: Sequence[str] = (), stages: Sequence[Stag
         raise ConfigError(f"{found}: not UTF-8 text; save it as UTF-8") from error
     for change in changes:
         apply_change(settings, change)
-    filled = validated(pipeline_model(known), settings)
-    configs = {stage.name: getattr(filled, stage.name) for stage in known}
+    filled = validated(pipeline_model(stages), settings)
+    configs = {stage.name: getattr(filled, stage.name) for stage in stages}
     return Pipeline(filled.name, filled.seed, configs)  # type: ignore[attr-defined]
 
 

@@ -1,0 +1,1 @@
+"""Running stages: pipeline files, run folders, artifacts, executor, provenance."""
