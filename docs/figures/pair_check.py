@@ -14,8 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ibrpipe.calibration.matching import may_share_geometry
 from ibrpipe.native_imports import import_pycolmap
-from ibrpipe.stages.calibration.prospects import may_share_geometry
 
 pycolmap = import_pycolmap()
 pycolmap.logging.minloglevel = 2

@@ -83,9 +83,9 @@ def _capture(path: Path) -> Facts:
 
 def _photos(path: Path) -> Facts:
     """Return the facts about a capture folder without cameras."""
+    from ibrpipe.calibration.photos import photos_of
     from ibrpipe.io.exif import read_exif
     from ibrpipe.io.image_files import read_header
-    from ibrpipe.stages.calibration.photos import photos_of
 
     photos = photos_of(path)
     headers = [read_header(Path(photo.image)) for photo in photos]

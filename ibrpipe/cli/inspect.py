@@ -41,7 +41,7 @@ command.params.append(json_option)
 
 
 def _compared(path: Path, truth: Path) -> Facts:
-    from ibrpipe.stages.calibration.compare import compare_cameras
+    from ibrpipe.calibration.compare import compare_cameras
 
     return {"kind": "cameras", "path": str(path), "truth": str(truth), **compare_cameras(path, truth)}
 

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.embree import MeshCaster
-from ibrpipe.stages.photos import PhotoSet
 from ibrpipe.types import Array, Camera, Frame
 
 #: colours (N, 3) of points (N, 3) with normals (N, 3) seen from unit directions (N, 3); NaN where unknown

@@ -13,6 +13,10 @@ from typing import Annotated, Any, Literal
 import numba
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from ibrpipe.calibration.child_process import run_child
+from ibrpipe.calibration.job import Job, write_job
+from ibrpipe.calibration.photos import photos_of, without_cameras
+from ibrpipe.calibration.results import WEAK, summary
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.provenance import count_child
 from ibrpipe.engine.run_folder import kept_folder
@@ -21,14 +25,10 @@ from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.captures import has_cameras
 from ibrpipe.io.manifest import write_json
 from ibrpipe.progress import listener
-from ibrpipe.stages.calibration.child import run_child
-from ibrpipe.stages.calibration.job import Job, write_job
-from ibrpipe.stages.calibration.photos import photos_of, without_cameras
-from ibrpipe.stages.calibration.results import WEAK, summary
 
 SCHEMA = 1
 #: Module that runs in the child process
-WORKER = "ibrpipe.stages.calibration.worker"
+WORKER = "ibrpipe.calibration.worker"
 Pixel = tuple[float, float]
 Model = Literal[
     "SIMPLE_PINHOLE",

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import ibrpipe
+from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.embree import MeshCaster
 from ibrpipe.io.views import View
 from ibrpipe.renderers.api import Prepared
 from ibrpipe.renderers.choice import Choice, choose
 from ibrpipe.stages.baselines import render_median, render_ulr
 from ibrpipe.stages.held_out import Frames
-from ibrpipe.stages.photos import PhotoSet
 from ibrpipe.stages.timing import Draw, Way
 from ibrpipe.types import Asset, Camera, Frame
 

@@ -12,6 +12,7 @@ import numba
 from pydantic import Field
 
 import ibrpipe
+from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.machine import describe_machine
@@ -24,7 +25,6 @@ from ibrpipe.stages.contest import Contest, make_contest
 from ibrpipe.stages.geometry_scores import GeometryRules, filled_vertices, measure_geometry
 from ibrpipe.stages.held_out import held_out_views, load_truth, read_frames
 from ibrpipe.stages.metrics import GeometryScores, MetricsModel, Scores, ViewMetrics, mean_scores, write_metrics
-from ibrpipe.stages.photos import load_photos
 from ibrpipe.stages.protocol import make_protocol
 from ibrpipe.stages.report import ViewPictures, draw_view, read_sources, write_report
 from ibrpipe.stages.report.surface_pictures import SurfacePictures, draw_surface

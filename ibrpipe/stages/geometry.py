@@ -12,6 +12,8 @@ from typing import Any
 
 from pydantic import Field
 
+from ibrpipe.capture.audit import Surface, rounded
+from ibrpipe.capture.coverage import spread_points
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.run_folder import kept_folder
@@ -22,15 +24,12 @@ from ibrpipe.io.meshes import read_mesh, write_mesh
 from ibrpipe.io.points import read_points
 from ibrpipe.io.views import View, ViewSet, load_view, read_views
 from ibrpipe.progress import Part, track, whole
-from ibrpipe.stages.audit import Surface, rounded
-from ibrpipe.stages.coverage import spread_points
-from ibrpipe.stages.dense import DepthConfig, estimate_depths
-from ibrpipe.stages.dense.effort import depth_parts, megapixels
-from ibrpipe.stages.dense.spacing import spacing_of, warning
-from ibrpipe.stages.surface.build import build_surface
-from ibrpipe.stages.surface.effort import surface_parts
-from ibrpipe.stages.surface.given import given_maps, lacking
-from ibrpipe.stages.surface.settings import SurfaceConfig
+from ibrpipe.reconstruction.depth import DepthConfig, estimate_depths
+from ibrpipe.reconstruction.depth.cost_model import depth_parts, megapixels, surface_parts
+from ibrpipe.reconstruction.depth.given import given_maps, lacking
+from ibrpipe.reconstruction.depth.spacing import spacing_of, warning
+from ibrpipe.reconstruction.surface.build import build_surface
+from ibrpipe.reconstruction.surface.settings import SurfaceConfig
 from ibrpipe.types import Mesh
 
 SCHEMA = 1

@@ -11,6 +11,9 @@ from pathlib import Path
 
 from pydantic import Field
 
+from ibrpipe.calibration.job import read_world
+from ibrpipe.capture.audit import audit_capture, stop_on_errors, write_audit
+from ibrpipe.capture.findings import Limits
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import CaptureError, FormatError
@@ -19,9 +22,6 @@ from ibrpipe.io.lenses import Keep
 from ibrpipe.io.meshes import read_mesh, write_mesh
 from ibrpipe.io.points import points_of_views, write_points
 from ibrpipe.io.views import View, ViewSet, write_views
-from ibrpipe.stages.audit import audit_capture, stop_on_errors, write_audit
-from ibrpipe.stages.calibration.outcome import read_world
-from ibrpipe.stages.findings import Limits
 from ibrpipe.types import Mesh
 
 

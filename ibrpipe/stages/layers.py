@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from ibrpipe.capture.photo_set import PhotoSet, load_photos
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.stage import Stage
@@ -18,7 +19,6 @@ from ibrpipe.io.layers import write_layers
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.progress import track
-from ibrpipe.stages.photos import PhotoSet, load_photos
 from ibrpipe.stages.plan import TexturePlan, read_plan
 from ibrpipe.stages.rectangles import Rectangle, distinct
 from ibrpipe.stages.sharpen import sharpen

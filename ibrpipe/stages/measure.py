@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.core.shift_range import range_around
 from ibrpipe.embree import MeshCaster
-from ibrpipe.stages.photos import PhotoSet
 from ibrpipe.stages.rectangles import Rectangle, passed
 from ibrpipe.types import Array
 

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from ibrpipe.capture.photo_set import PhotoSet, load_photos
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.stage import Stage
@@ -26,7 +27,6 @@ from ibrpipe.stages.measure import (
     sample_surface,
     sampling_density,
 )
-from ibrpipe.stages.photos import PhotoSet, load_photos
 from ibrpipe.stages.rectangles import (
     Rectangle,
     RectangleConfig,

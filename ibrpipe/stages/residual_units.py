@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ibrpipe.capture.photo_set import PhotoSet, load_photos
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.embree import MeshCaster
 from ibrpipe.io.layers import read_layers
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.stages.diffuse import DiffuseSource
-from ibrpipe.stages.photos import PhotoSet, load_photos
 from ibrpipe.stages.plan import TexturePlan, read_plan
 from ibrpipe.stages.spiral_images import cast_image, spiral_images
 from ibrpipe.types import Array, LayeredDepthImage

@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.embree import MeshCaster
 from ibrpipe.progress import track
 from ibrpipe.stages.diffuse import DiffuseSource, diffuse_frame
-from ibrpipe.stages.photos import PhotoSet
 from ibrpipe.stages.rectangles import Rectangle
 from ibrpipe.types import Array, LayeredDepthImage
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrpipe.capture.coverage import SurfacePoints, seen_points, spread_points
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.views import View, load_view
 from ibrpipe.progress import track
-from ibrpipe.stages.coverage import SurfacePoints, seen_points, spread_points
 from ibrpipe.types import Array, Mesh
 
 

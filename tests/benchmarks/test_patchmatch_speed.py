@@ -21,8 +21,8 @@ from ibrpipe.core.patchmatch import sweep
 from ibrpipe.core.patchmatch_cost import LANES
 from ibrpipe.core.patchmatch_planes import random_planes
 from ibrpipe.core.patchmatch_propose import CHANGES, PLANES
-from ibrpipe.stages.dense.matching import disc, relation
-from ibrpipe.stages.dense.pictures import packed
+from ibrpipe.reconstruction.depth.image_pyramid import packed
+from ibrpipe.reconstruction.depth.patchmatch import disc, relation
 from ibrpipe.types import Camera
 
 WIDTH, HEIGHT, NEIGHBOURS, KEEP = 640, 480, 8, 3

@@ -9,9 +9,8 @@ import pytest
 
 from ibrpipe.cli import show
 from ibrpipe.progress import Part, Whole, current_whole, listening, track, whole
-from ibrpipe.stages.dense.effort import depth_parts, label_of, rounds_of
-from ibrpipe.stages.dense.settings import DepthConfig
-from ibrpipe.stages.surface.effort import surface_parts
+from ibrpipe.reconstruction.depth.cost_model import depth_parts, label_of, rounds_of, surface_parts
+from ibrpipe.reconstruction.depth.settings import DepthConfig
 
 
 class Clock:

@@ -10,9 +10,9 @@ import surface_twin as twin
 from ibrpipe.core.fusion import fuse_view
 from ibrpipe.core.surface_nets import SIDE
 from ibrpipe.core.volume import integrate, observe, silhouettes
-from ibrpipe.stages.surface.fusion import FusionRules
-from ibrpipe.stages.surface.maps import LoadedMap, pack, packed_cameras
-from ibrpipe.stages.surface.volume import blocks_of, extract
+from ibrpipe.reconstruction.depth.fusion import FusionRules
+from ibrpipe.reconstruction.depth.map_store import LoadedMap, pack, packed_cameras
+from ibrpipe.reconstruction.surface.tsdf import blocks_of, extract
 from ibrpipe.types import Camera
 
 

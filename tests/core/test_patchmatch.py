@@ -8,8 +8,8 @@ import pytest
 from ibrpipe.core.patchmatch import sweep
 from ibrpipe.core.patchmatch_check import count_agreeing
 from ibrpipe.core.patchmatch_planes import depths_and_normals, random_planes
-from ibrpipe.stages.dense.matching import disc, relation
-from ibrpipe.stages.dense.pictures import packed
+from ibrpipe.reconstruction.depth.image_pyramid import packed
+from ibrpipe.reconstruction.depth.patchmatch import disc, relation
 from ibrpipe.types import Camera
 
 SIZE = (20, 26)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from textured_corner import HEIGHT, WIDTH, cameras, texture, write_photos
 
+from ibrpipe.calibration.compare import compare_cameras
 from ibrpipe.engine.documents import Calibration
 from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError, ResourceError
@@ -21,7 +22,6 @@ from ibrpipe.io.points import read_points
 from ibrpipe.io.views import read_views
 from ibrpipe.stages import calibrate, ingest
 from ibrpipe.stages.calibrate import CalibrateConfig, Inputs, run
-from ibrpipe.stages.calibration.compare import compare_cameras
 from ibrpipe.synthetic.layout import write_colmap_text
 from ibrpipe.types import Camera, Mesh
 
@@ -402,8 +402,8 @@ def test_a_stopped_search_goes_on_with_what_it_had(photos: Path, tmp_path: Path)
 
 
 def test_masks_keep_features_inside(photos: Path, tmp_path: Path) -> None:
-    from ibrpipe.stages.calibration.features import find_features
-    from ibrpipe.stages.calibration.photos import photos_of
+    from ibrpipe.calibration.features import find_features
+    from ibrpipe.calibration.photos import photos_of
 
     capture = Path(shutil.copytree(photos, tmp_path / "capture"))
     (capture / "masks").mkdir()
@@ -426,8 +426,8 @@ def test_masks_keep_features_inside(photos: Path, tmp_path: Path) -> None:
 
 
 def test_pairs_of_many_photos_are_those_that_look_alike() -> None:
-    from ibrpipe.stages.calibration.nearest import matching
-    from ibrpipe.stages.calibration.pairs import sequential_pairs, similar_pairs
+    from ibrpipe.calibration.matching import matching
+    from ibrpipe.calibration.pair_selection import sequential_pairs, similar_pairs
 
     random = np.random.default_rng(0)
     shared = random.random((30, 128)) ** 4
@@ -440,7 +440,7 @@ def test_pairs_of_many_photos_are_those_that_look_alike() -> None:
 
 
 def test_matches_are_the_mutual_nearest_ones_that_stand_out() -> None:
-    from ibrpipe.stages.calibration.nearest import matching
+    from ibrpipe.calibration.matching import matching
 
     random = np.random.default_rng(1)
     base = random.random((900, 128)) ** 4

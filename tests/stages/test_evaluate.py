@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import ibrpipe
+from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
 from ibrpipe.io.images import read_image
@@ -20,7 +21,6 @@ from ibrpipe.io.views import ViewSet, read_views, write_views
 from ibrpipe.stages import evaluate, ingest, render
 from ibrpipe.stages.baselines import render_median
 from ibrpipe.stages.metrics import MetricsModel, mean_scores, read_metrics
-from ibrpipe.stages.photos import load_photos
 from ibrpipe.types import Asset, LayeredDepthImage, SpiralTexture
 
 QUICK = evaluate.EvaluateConfig(timing_width=32, timing_repeats=2, timing_views=2, report_views=2)

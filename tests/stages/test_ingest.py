@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ibrpipe.capture import audit
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.captures import read_capture
 from ibrpipe.io.images import read_image, write_png
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import load_view, read_views
-from ibrpipe.stages import audit
 from ibrpipe.stages.ingest import STAGE, IngestConfig, Inputs, run
 
 

@@ -1,0 +1,81 @@
+"""The photos of a capture and what it states of their cameras, as entries of a job."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ibrpipe.calibration.job import PhotoEntry
+from ibrpipe.errors import CaptureError, MissingFileError
+from ibrpipe.io.captures import has_cameras, read_shots
+from ibrpipe.io.image_files import read_header
+from ibrpipe.io.masks import find_mask
+from ibrpipe.io.shots import Shot
+
+SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", ".webp", ".bmp", ".jp2", ".heic")
+
+
+def photos_of(root: Path) -> tuple[PhotoEntry, ...]:
+    """List all photos below ``images/`` and ``test/images/``, with what is known of their cameras.
+
+    Parameters
+    ----------
+    root : Path
+        Capture folder.
+
+    Returns
+    -------
+    tuple of PhotoEntry
+        In the order of their names, those of ``test/`` last. Photos that given cameras leave out are listed, too.
+
+    Raises
+    ------
+    MissingFileError, CaptureError, FormatError
+        No photos, or cameras that cannot be read.
+    """
+    found = _half(root)
+    if not found:
+        raise CaptureError(
+            f"{root}: no photos found; expected JPEG, PNG, TIFF or EXR files in its folder images/, put them there"
+        )
+    if (root / "test").is_dir():
+        found += [replace(entry, name=f"test/{entry.name}", held_out=True) for entry in _half(root / "test")]
+    return tuple(found)
+
+
+def _half(root: Path) -> list[PhotoEntry]:
+    entries = {entry.name: entry for entry in (_entry(root, file) for file in _files(root / "images"))}
+    for shot in read_shots(root) if has_cameras(root) else ():
+        if not shot.image.is_file():
+            raise MissingFileError(f"{shot.image}: the photo does not exist, but the capture's cameras name it")
+        known = entries.get(shot.file) or _entry(root, shot.image, shot.file, shot.mask)
+        entries[shot.file] = _with_camera(known, shot)
+    return [entries[name] for name in sorted(entries)]
+
+
+def _files(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    found = (path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+    return sorted(path for path in found if not path.name.endswith(".mask.png") and not path.name.startswith("."))
+
+
+def _entry(root: Path, image: Path, name: str | None = None, named: Path | None = None) -> PhotoEntry:
+    file = name or image.relative_to(root / "images").as_posix()
+    mask = find_mask(root, file, image, named, read_header(image).has_alpha)
+    stored = None if mask.file is None else str(mask.file.resolve())
+    return PhotoEntry(file, str(image.resolve()), stored, mask.from_alpha, mask.rule)
+
+
+def _with_camera(entry: PhotoEntry, shot: Shot) -> PhotoEntry:
+    lens = shot.lens
+    pose = tuple(float(value) for value in np.ravel(shot.cam_from_world))
+    return replace(entry, lens=(lens.model, lens.params, lens.width, lens.height), pose=pose)
+
+
+def without_cameras(photos: Sequence[PhotoEntry], keep_lenses: bool) -> tuple[PhotoEntry, ...]:
+    """Forget lenses unless they are to be kept. Poses stay: they place the world, they do not enter the search."""
+    return tuple(photos) if keep_lenses else tuple(replace(photo, lens=None) for photo in photos)

@@ -1,0 +1,1 @@
+"""Photo sets of a capture: reading, auditing, and what sees what."""

@@ -1,0 +1,239 @@
+"""What is wrong, doubtful or noteworthy in a capture, found before anything expensive runs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.capture.coverage import SurfacePoints, agreement, seen_points, spread_points
+from ibrpipe.capture.findings import Finding, Limits
+from ibrpipe.capture.photo_quality import PhotoFigures, damaged, empty_mask, measure_photo, photo_findings
+from ibrpipe.embree import MeshCaster
+from ibrpipe.errors import CaptureError, IbrError
+from ibrpipe.io.captures import Capture
+from ibrpipe.io.views import View, load_depth, load_view
+from ibrpipe.progress import track
+from ibrpipe.types import Array, Mesh
+
+_MARK = {"error": "ERROR", "warning": "warning", "note": "note"}
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Findings, the figures behind them, and how many photos see the surface (None without a mesh)."""
+
+    findings: tuple[Finding, ...]
+    photos: tuple[PhotoFigures, ...]
+    surface: dict[str, Any] | None = None
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """Findings that stop the pipeline."""
+        return tuple(finding for finding in self.findings if finding.severity == "error")
+
+
+def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = None) -> Audit:
+    """Look at every photo once and, where there is a mesh, at its surface through all of them.
+
+    Parameters
+    ----------
+    capture : Capture
+    mesh : Mesh or None
+        None: nothing is said of how well the surface is seen.
+    limits : Limits, optional
+
+    Returns
+    -------
+    Audit
+    """
+    limits = limits or Limits()
+    findings = _count_findings(capture) + _pose_findings(capture.train, capture.test)
+    surface = None if mesh is None else Surface(spread_points(mesh, limits.samples), MeshCaster(mesh))
+    photos: list[PhotoFigures] = []
+    for view in track(capture.train + capture.test, "audit"):
+        try:
+            figures = _look(view, surface)
+        except (IbrError, MemoryError) as error:
+            findings.append(damaged(view, error))
+            continue
+        if figures.covered == 0:
+            findings.append(empty_mask(view))
+        photos.append(figures)
+    findings += photo_findings(photos, limits)
+    coverage = None if surface is None else surface.coverage()
+    if surface is not None and coverage is not None:
+        findings += _surface_findings(coverage, photos, surface.backs, capture, limits)
+    findings += [Finding("note", "decided", capture.root.name, text, "this", "nothing to do") for text in capture.notes]
+    order = {"error": 0, "warning": 1, "note": 2}
+    return Audit(tuple(sorted(findings, key=lambda finding: order[finding.severity])), tuple(photos), coverage)
+
+
+def stop_on_errors(audit: Audit) -> None:
+    """Raise the first error in one line, with the number of further ones.
+
+    Raises
+    ------
+    CaptureError
+    """
+    if audit.errors:
+        others = len(audit.errors) - 1
+        more = f" (and {others} further error{'s' if others > 1 else ''})" if others else ""
+        raise CaptureError(f"{audit.errors[0].line}{more}")
+
+
+def summary(audit: Audit, capture: Capture) -> str:
+    """The audit as plain text, worst first."""
+    counts = {name: sum(finding.severity == name for finding in audit.findings) for name in _MARK}
+    lines = [
+        f"{capture.root.name}: {len(capture.train)} photos, {len(capture.test)} held out; exposure: {capture.exposure}",
+        f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes",
+    ]
+    if audit.surface:
+        lines.append(
+            f"surface: {audit.surface['unseen']:.1%} of the area seen by no photo, {audit.surface['fewer_than_3']:.1%} "
+            f"by fewer than 3, {audit.surface['median_photos']} photos at the median"
+        )
+    for finding in audit.findings:
+        text = finding.value if finding.kind == "decided" else finding.line
+        lines.append(f"{_MARK[finding.severity]:8}{text}")
+    return "\n".join(lines) + "\n"
+
+
+def write_audit(audit: Audit, capture: Capture, folder: Path) -> tuple[Path, Path]:
+    """Write ``audit.json`` and the readable ``audit.txt``; return their paths."""
+    document = {
+        "findings": [asdict(finding) for finding in audit.findings],
+        "photos": [rounded(asdict(photo)) for photo in audit.photos],
+        "surface": None if audit.surface is None else rounded(audit.surface),
+    }
+    data, text = folder / "audit.json", folder / "audit.txt"
+    data.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    text.write_text(summary(audit, capture), encoding="utf-8")
+    return data, text
+
+
+class Surface:
+    """A mesh, and what has been learnt of it from the photos looked at so far."""
+
+    def __init__(self, points: SurfacePoints, caster: MeshCaster) -> None:
+        self._points, self._caster = points, caster
+        self._observers = np.zeros(len(points.position), np.int32)
+        self.backs: list[float] = []
+
+    def look(self, view: View, mask: Array) -> tuple[float, float | None]:
+        """Take note of what a photo sees; return the share of the area, and how far mask and outline agree."""
+        seen = seen_points(self._points, view.camera, mask, self._caster)
+        overlap, backs = agreement(view.camera, mask, self._caster)
+        self.backs.append(backs)
+        self._observers += seen * (not view.held_out)
+        return float(seen.mean()), overlap if view.masked and math.isfinite(overlap) else None
+
+    def coverage(self) -> dict[str, Any]:
+        """Return the shares of the area by how many photos see it."""
+        return _surface(self._observers, self._points)
+
+
+def _look(view: View, surface: Surface | None) -> PhotoFigures:
+    colour, mask = load_view(view)
+    if view.depth is not None:
+        load_depth(view)
+    sharpness, clipped, black, covered = measure_photo(view, colour, mask)
+    seen, overlap = (None, None) if surface is None else surface.look(view, mask)
+    return PhotoFigures(view.name, view.held_out, sharpness, clipped, black, covered, seen, overlap, masked=view.masked)
+
+
+def _count_findings(capture: Capture) -> list[Finding]:
+    findings = []
+    count, root = len(capture.train), str(capture.root)
+    if count < 2:
+        remedy = "add photos, or hold out fewer (ingest.hold_out_every)" if capture.test else "add photos"
+        findings.append(
+            Finding("error", "too few", root, f"holds {count} photo(s) to build from", "at least 2", remedy)
+        )
+    elif count < 10:
+        text = f"holds {count} photos to build from"
+        findings.append(Finding("warning", "few", root, text, "30 or more for shiny things", "add photos all around"))
+    if not capture.test:
+        text = "has no photo held out"
+        findings.append(
+            Finding("warning", "no test", root, text, "a test/ folder or more photos", "scores will be empty")
+        )
+    unmasked = [view.name for view in capture.train if not view.masked]
+    if unmasked and len(unmasked) < count:
+        text = f"{len(unmasked)} of {count} photos have no mask"
+        findings.append(
+            Finding("warning", "no mask", unmasked[0], text, "a mask for all or none", "add the missing ones")
+        )
+    return findings
+
+
+def _pose_findings(train: Sequence[View], test: Sequence[View]) -> list[Finding]:
+    """Photos from the same place in the same direction: doubled files, or a test view that is no test."""
+    views = [*train, *test]
+    if len(views) < 2:
+        return []
+    poses = np.array([view.camera.cam_from_world.ravel() for view in views])
+    scale = max(float(np.ptp([view.camera.center for view in views], axis=0).max()), 1e-12)
+    poses[:, 3::4] /= scale
+    findings = []
+    for index in range(1, len(views)):
+        same = np.flatnonzero(np.abs(poses[:index] - poses[index]).max(axis=1) < 1e-9)
+        if len(same):
+            one, two = views[same[0]], views[index]
+            across = one.held_out != two.held_out
+            expected = "test views that no training photo repeats" if across else "every photo from its own place"
+            remedy = "take it out of one of them: scores are flattered" if across else "remove one"
+            text = f"has the same pose as {one.name}"
+            findings.append(Finding("warning", "same pose", two.name, text, expected, remedy))
+    return findings
+
+
+def _surface(observers: Array, points: SurfacePoints) -> dict[str, Any]:
+    """Shares of the area by how many photos see it, and where those lie that fewer than three see."""
+    thin = observers < 3
+    center = points.position[thin].mean(axis=0) if thin.any() else np.full(3, np.nan)
+    facing = points.normal[thin].mean(axis=0) if thin.any() else np.full(3, np.nan)
+    counts = np.bincount(np.minimum(observers, 10), minlength=11) / len(observers)
+    return {
+        "unseen": float(counts[0]),
+        "fewer_than_3": float(counts[:3].sum()),
+        "median_photos": int(np.median(observers)),
+        "share_by_photos": {f"{n}{'+' if n == 10 else ''}": float(share) for n, share in enumerate(counts)},
+        "thin_center": [float(f"{value:.6g}") for value in center] if thin.any() else None,
+        "thin_facing": [float(f"{value:.6g}") for value in facing] if thin.any() else None,
+        "samples": len(observers),
+    }
+
+
+def _surface_findings(
+    surface: dict[str, Any], photos: Sequence[PhotoFigures], backs: Sequence[float], capture: Capture, limits: Limits
+) -> list[Finding]:
+    file = str(capture.mesh)
+    known = [value for value in backs if math.isfinite(value)]
+    if known and float(np.median(known)) > 0.5:
+        text = f"photos see the backs of its faces ({np.median(known):.0%} of the pixels)"
+        return [Finding("error", "inside out", file, text, "faces counter-clockwise from outside", "flip the mesh")]
+    if photos and not any(photo.seen for photo in photos if not photo.held_out):
+        expected = "mesh and cameras in one world, in the same units"
+        return [Finding("error", "unseen mesh", file, "no photo sees any of the mesh", expected, "align them")]
+    if surface["fewer_than_3"] > limits.thin:
+        text = f"fewer than 3 photos see {surface['fewer_than_3']:.1%} of its area ({surface['unseen']:.1%}: none)"
+        x, y, z = surface["thin_center"]
+        text += f", around ({x:.3g}, {y:.3g}, {z:.3g})"
+        expected = f"at most {limits.thin:.0%}"
+        return [Finding("warning", "thin coverage", file, text, expected, "add photos of the rest, or crop the mesh")]
+    return []
+
+
+def rounded(document: dict[str, Any]) -> dict[str, Any]:
+    """Six significant digits: enough to read, the same on every machine."""
+    return {
+        key: float(f"{value:.6g}") if isinstance(value, float) else rounded(value) if isinstance(value, dict) else value
+        for key, value in document.items()
+    }

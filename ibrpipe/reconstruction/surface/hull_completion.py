@@ -1,0 +1,197 @@
+"""Where masks ask for surface that depth maps do not show, and what the outlines put there.
+
+The ray through a pixel inside a mask meets the object. Where it misses what depth maps show and passes the outlines'
+hull in one short piece, the surface lies on that piece, and the hull is near it. Depth on which maps agree is wrong
+behind such a place: the image of a lamp in a coat lies behind the coat, and all photos agree on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrpipe.embree import MeshCaster
+from ibrpipe.progress import track
+from ibrpipe.reconstruction.depth.evidence import evidence
+from ibrpipe.reconstruction.depth.fusion import Cloud, joined
+from ibrpipe.reconstruction.depth.map_store import MapStore
+from ibrpipe.reconstruction.surface.mesh_operations import vertex_normals
+from ibrpipe.reconstruction.surface.silhouettes import Outline
+from ibrpipe.types import Array, Mesh
+
+#: pixels inside an outline from which on a ray must meet the object
+INSIDE = 0.75
+#: longest way through the hull that still tells where the surface is, pixels
+LONGEST = 10.0
+#: places on it that are looked at
+_PLACES = 9
+#: voxels around it within which the hull is asked for
+_AROUND = 1.2
+#: voxels behind the hull from which on a point is wrong, and up to which it is taken for the same surface
+BEHIND, DEEPEST = 1.0, 10.0
+#: least cosine between the normals of a wrong point and of the hull
+_ALIKE = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A cloud after the masks were asked.
+
+    Attributes
+    ----------
+    cloud : Cloud
+    places : (P, 3) float64
+        Vertices of the hull that were asked for.
+    missed : float
+        Share of the masks' pixels whose rays miss what depth maps show.
+    wrong : int
+        Points left out.
+    """
+
+    cloud: Cloud
+    places: Array
+    missed: float
+    wrong: int
+
+    @property
+    def measured(self) -> dict[str, float]:
+        """Figures for ``geometry.json``."""
+        return {"masks_missed": round(self.missed, 4), "points_asked": len(self.places), "points_behind": self.wrong}
+
+
+def with_asked(cloud: Cloud, seen: Mesh, hull: Mesh, outlines: Sequence[Outline], step: float) -> Asked:
+    """Add what the masks ask for, and leave out the points behind it.
+
+    Masks that were doubted ask for nothing.
+
+    Parameters
+    ----------
+    cloud : Cloud
+    seen : Mesh
+        What the maps show, with holes.
+    hull : Mesh
+        What the outlines leave.
+    outlines : sequence of Outline
+    step : float
+        Size of a voxel, scene units.
+    """
+    from scipy.spatial import cKDTree
+
+    asked, missed = demanded(seen, hull, [each for each in outlines if not each.doubted], step)
+    if not asked.any():
+        return Asked(cloud, hull.vertices[:0], missed, 0)
+    normals = vertex_normals(hull)
+    distance, nearest = cKDTree(hull.vertices).query(cloud.position)
+    above = ((cloud.position - hull.vertices[nearest]) * normals[nearest]).sum(axis=1)
+    alike = (cloud.normal * normals[nearest]).sum(axis=1) > _ALIKE
+    wrong = asked[nearest] & (above < -BEHIND * step) & (distance < DEEPEST * step) & alike
+    rest, places = cloud.chosen(~wrong), hull.vertices[asked]
+    new = np.ones(len(places), bool)
+    if len(rest.position):
+        new = ~np.isfinite(cKDTree(rest.position).query(places, distance_upper_bound=1.5 * step)[0])
+    count = int(new.sum())
+    spacing, none = np.full(count, step, np.float32), np.zeros(count, np.float32)
+    added = Cloud(places[new], normals[asked][new], none, np.zeros(count, np.int32), spacing)
+    return Asked(joined([rest, added]), places, missed, int(wrong.sum()))
+
+
+def demanded(seen: Mesh, hull: Mesh, outlines: Sequence[Outline], step: float) -> tuple[Array, float]:
+    """Return which vertices of the hull (V,) bool masks ask for, and the share of their pixels that miss `seen`."""
+    from scipy.spatial import cKDTree
+
+    surface, bound = MeshCaster(seen), MeshCaster(hull)
+    asked, missed, pixels = np.zeros(len(hull.vertices), bool), 0, 0
+    for each in track(outlines, "masks"):
+        row, column = np.nonzero(each.distance < -INSIDE)
+        rays = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], axis=1) @ each.camera.world_from_pixel.T
+        open_rays = rays[surface.cast(each.camera.center, rays).face < 0]
+        missed, pixels = missed + len(open_rays), pixels + len(rays)
+        places = _pieces(bound, each, open_rays)
+        if len(places):
+            near, _ = cKDTree(places).query(hull.vertices, distance_upper_bound=_AROUND * step)
+            asked |= np.isfinite(near)
+    return asked, missed / max(pixels, 1)
+
+
+def _pieces(bound: MeshCaster, outline: Outline, rays: Array) -> Array:
+    """Places (P, 3) along the rays (N, 3) that pass the hull once and shortly."""
+    center = outline.camera.center
+    ray, hits = bound.cast_all(np.broadcast_to(center, rays.shape), rays)
+    count = np.bincount(ray, minlength=len(rays))
+    once = np.nonzero(count == 2)[0]
+    first = (np.cumsum(count) - count)[once]
+    enter, leave = hits.t[first].astype(np.float64), hits.t[first + 1].astype(np.float64)
+    short = (leave - enter) * outline.camera.K[0, 0] < LONGEST * enter
+    enter, leave, rays = enter[short], leave[short], rays[once[short]]
+    along = [center + (enter + share * (leave - enter))[:, None] * rays for share in np.linspace(0, 1, _PLACES)]
+    return np.concatenate(along)
+
+
+#: directions that are tried from every point
+RAYS = 32
+
+
+#: least cosine between a direction and the point's normal
+OUTWARD = 0.2
+
+
+#: points asked at a time
+_AT_A_TIME = 50_000
+
+
+def with_outlines(cloud: Cloud, maps: MapStore, seen: Mesh, hull: Mesh, step: float) -> Cloud:
+    """Add the outlines' surface to the points that depth maps show.
+
+    A point of it counts where no point of the cloud is near, no map looks through it, and it does not lie inside of the
+    surface that was seen: masks that lose parts of the object make outlines that run through the body.
+
+    Parameters
+    ----------
+    cloud : Cloud
+    maps : MapStore
+    seen : Mesh
+        What the maps show, with holes.
+    hull : Mesh
+        What the outlines leave.
+    step : float
+        Size of a voxel, scene units.
+    """
+    from scipy.spatial import cKDTree
+
+    found = evidence(hull, maps, 2.0 * step)
+    far = ~np.isfinite(cKDTree(cloud.position).query(hull.vertices, distance_upper_bound=6 * step)[0])
+    chosen = np.nonzero(far & (found.through == 0) & (found.observations == 0))[0]
+    normals = vertex_normals(hull)
+    chosen = chosen[~behind(MeshCaster(seen), hull.vertices[chosen], normals[chosen])]
+    added = Cloud(
+        hull.vertices[chosen],
+        normals[chosen],
+        np.zeros(len(chosen), np.float32),
+        np.zeros(len(chosen), np.int32),
+        np.full(len(chosen), step, np.float32),
+    )
+    return joined([cloud, added])
+
+
+def behind(seen: MeshCaster, points: Array, normals: Array) -> Array:
+    """Say which points (N, 3) lie behind a surface: most rays that leave along the normal meet its back."""
+    directions, inside = _directions(RAYS), np.zeros(len(points), bool)
+    for first in range(0, len(points), _AT_A_TIME):
+        part = slice(first, first + _AT_A_TIME)
+        outward = normals[part] @ directions.T > OUTWARD
+        row, ray = np.nonzero(outward)
+        hits = seen.cast(points[part][row], directions[ray])
+        met = hits.face >= 0
+        back = met & ((hits.normal * directions[ray]).sum(axis=1) > 0)
+        count = [np.bincount(row, each, outward.shape[0]) for each in (back, outward[row, ray])]
+        inside[part] = 2 * count[0] > count[1]
+    return inside
+
+
+def _directions(count: int) -> Array:
+    """Even directions on the sphere, (count, 3) float64, on a spiral by the golden angle."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    angle = np.pi * (3 - 5**0.5) * np.arange(count)
+    return np.stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z], axis=1)
