@@ -11,9 +11,9 @@ from ibrpipe.bench.contenders import Contender, Ready, all_contenders
 from ibrpipe.bench.settings import Setting
 from ibrpipe.bench.size_results import GrowthModel
 from ibrpipe.bench.speed_results import ContenderFacts, Growth, Score, WorkFacts
-from ibrpipe.bench.timing import interleave, slope
 from ibrpipe.bench.workloads import height_field, region_views
 from ibrpipe.engine.machine import describe_machine
+from ibrpipe.evaluation.timing import interleave, slope
 from ibrpipe.progress import track
 
 #: most frames from which the fastest is taken, in each of several rounds over all sizes: clock rates change in between

@@ -17,10 +17,10 @@ from ibrpipe.bench.contenders import Contender, Ready, all_contenders
 from ibrpipe.bench.measure import ErrorMaps, Errors, measure, ray_lengths
 from ibrpipe.bench.settings import Setting
 from ibrpipe.bench.speed_results import ContenderFacts, Growth, Preparation, Score, SpeedErrorModel, Timing, WorkFacts
-from ibrpipe.bench.timing import Times, interleave
 from ibrpipe.bench.workloads import FIRST, Workload, bumpy_torus, height_field, object_of, strided
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.engine.machine import describe_machine
+from ibrpipe.evaluation.timing import Times, interleave
 from ibrpipe.progress import track
 from ibrpipe.types import Array, Camera, Frame, Mesh
 

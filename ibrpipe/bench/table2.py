@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.bench.size_results import Skipped, Table2Model, Table2Row
-from ibrpipe.bench.timing import interleave
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.engine.machine import describe_machine
+from ibrpipe.evaluation.timing import interleave
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.stages.depth_images import depth_images_asset

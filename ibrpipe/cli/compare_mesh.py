@@ -37,10 +37,10 @@ def command(
     mesh: Path, truth: Path, views: Path | None, thresholds: tuple[float, ...], samples: int, as_json: bool
 ) -> None:
     """Measure MESH against the mesh TRUTH: accuracy, completeness and F-score."""
+    from ibrpipe.evaluation.geometry_scores import GeometryRules, filled_vertices, scores_of
+    from ibrpipe.evaluation.surface_error import compare_surfaces
     from ibrpipe.io.meshes import read_mesh
     from ibrpipe.io.views import read_views
-    from ibrpipe.stages.geometry_scores import GeometryRules, filled_vertices, scores_of
-    from ibrpipe.stages.surface_error import compare_surfaces
 
     photos = () if views is None else read_views(views).train
     rules = GeometryRules(thresholds, samples)

@@ -101,7 +101,7 @@ def mesh_map(mesh: Path, moved: Path | None, path: str, repeats: int, out: Path,
     from ibrpipe.io.materials import read_relief_meshes
     from ibrpipe.io.mesh_materials import read_moved
     from ibrpipe.io.paths import is_orbit, orbit, parse_orbit, read_path
-    from ibrpipe.stages.relief_objects import render_path
+    from ibrpipe.stages.render import render_path
 
     if given["light"] and given["sun"]:
         raise click.UsageError("give --light or --sun, not both")

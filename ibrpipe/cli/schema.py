@@ -22,8 +22,8 @@ def models() -> dict[str, type[BaseModel]]:
     from ibrpipe.bench.speed_results import SpeedErrorModel
     from ibrpipe.engine.documents import DOCUMENTS
     from ibrpipe.engine.pipeline_file import pipeline_model
+    from ibrpipe.evaluation.metrics import MetricsModel
     from ibrpipe.io.manifest import Manifest
-    from ibrpipe.stages.metrics import MetricsModel
     from ibrpipe.stages.registry import load_stages
 
     found: dict[str, type[BaseModel]] = {name: model for name, (model, _) in DOCUMENTS.items()}

@@ -18,20 +18,21 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.machine import describe_machine
 from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import IbrError
+from ibrpipe.evaluation.compared_methods import Contest, make_contest
+from ibrpipe.evaluation.geometry_scores import GeometryRules, filled_vertices, measure_geometry
+from ibrpipe.evaluation.ground_truth import TrueSurface, find_truth, placed_truth
+from ibrpipe.evaluation.held_out import held_out_views, load_truth
+from ibrpipe.evaluation.image_scores import highlight_pixels, score_frame, to_srgb8
+from ibrpipe.evaluation.metrics import GeometryScores, MetricsModel, Scores, ViewMetrics, mean_scores, write_metrics
+from ibrpipe.evaluation.protocol import make_protocol
+from ibrpipe.evaluation.report import ViewPictures, draw_view, read_sources, write_report
+from ibrpipe.evaluation.report.surface_pictures import SurfacePictures, draw_surface
+from ibrpipe.evaluation.sizes import bytes_of, seconds_of
+from ibrpipe.evaluation.timing import time_ways, timed_size
+from ibrpipe.io.frames import read_frames
 from ibrpipe.io.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import View, ViewSet, read_views
 from ibrpipe.progress import track
-from ibrpipe.stages.contest import Contest, make_contest
-from ibrpipe.stages.geometry_scores import GeometryRules, filled_vertices, measure_geometry
-from ibrpipe.stages.held_out import held_out_views, load_truth, read_frames
-from ibrpipe.stages.metrics import GeometryScores, MetricsModel, Scores, ViewMetrics, mean_scores, write_metrics
-from ibrpipe.stages.protocol import make_protocol
-from ibrpipe.stages.report import ViewPictures, draw_view, read_sources, write_report
-from ibrpipe.stages.report.surface_pictures import SurfacePictures, draw_surface
-from ibrpipe.stages.scores import highlight_pixels, score_frame, to_srgb8
-from ibrpipe.stages.sizes import bytes_of, seconds_of
-from ibrpipe.stages.timing import time_ways, timed_size
-from ibrpipe.stages.true_surface import TrueSurface, find_truth, placed_truth
 from ibrpipe.types import Camera, Mesh
 
 T = TypeVar("T")

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from statistics import median
-from time import perf_counter
-from typing import Any
 
 import numpy as np
 
 from ibrpipe.embree import Hits, MeshCaster
-from ibrpipe.errors import ShapeError, ValueRangeError
+from ibrpipe.errors import ValueRangeError
 from ibrpipe.io.materials import write_packed
-from ibrpipe.io.paths import CameraPath
 from ibrpipe.relief_mesh import ReliefMesh
-from ibrpipe.renderers.api import prepare, render
-from ibrpipe.stages.render import frame_entry, write_frame
 from ibrpipe.types import Array, Mesh
 
 #: side -> axis looked along, its sign, then the world directions of the picture's right and down
@@ -110,42 +102,3 @@ def write_relief_quad(source: ReliefMesh, out: Path) -> None:
     for f, face in enumerate(source.mesh.faces):
         lines.append("f " + " ".join(f"{vertex + 1}/{3 * f + c + 1}" for c, vertex in enumerate(face)))
     (out / "quad.obj").write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def render_path(
-    sources: Sequence[ReliefMesh],
-    path: CameraPath,
-    out: Path,
-    options: Mapping[str, Any],
-    repeats: int = 1,
-    moved: Sequence[Array] = (),
-) -> list[dict[str, Any]]:
-    """Render relief-mapped meshes along a path -> entries of ``frames.json``, which is written beside the frames.
-
-    `moved`: vertices (V, 3) of the one mesh for every frame; a path of one view is then seen from all the time.
-    """
-    out.mkdir(parents=True, exist_ok=True)
-    prepared, frames = prepare(list(sources), "relief"), list(path)
-    if moved and len(frames) == 1:
-        frames = [(f"{frames[0][0]}_{k:04d}", frames[0][1]) for k in range(len(moved))]
-    if moved and len(moved) != len(frames):
-        raise ShapeError(f"there are {len(moved)} moved meshes for {len(frames)} views; give one for each, or one view")
-    render(prepared, frames[0][1].resized(8, 8), "relief", **options)  # compiles, outside the timer
-    entries = []
-    for number, (name, camera) in enumerate(frames):
-        more = {**options, "vertices": moved[number]} if moved else options
-        milliseconds = []
-        for _ in range(repeats):
-            began = perf_counter()
-            frame = render(prepared, camera, "relief", **more)
-            milliseconds.append(1e3 * (perf_counter() - began))
-        files = write_frame(frame, out / name)
-        entries.append(frame_entry(name, "relief", camera, frame, files, median(milliseconds)))
-    document = {"renderers": ["relief"], "options": {key: _plain(value) for key, value in options.items()}}
-    text = json.dumps({**document, "frames": entries}, indent=1, ensure_ascii=False)
-    (out / "frames.json").write_text(text + "\n", encoding="utf-8")
-    return entries
-
-
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value

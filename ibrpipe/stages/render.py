@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from time import perf_counter
 from typing import Any, Literal
 
-import numpy as np
 from pydantic import Field, field_validator
 
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage
+from ibrpipe.errors import ShapeError
 from ibrpipe.io.assets import read_asset
-from ibrpipe.io.images import write_exr, write_png
-from ibrpipe.io.paths import CameraPath, is_orbit, parse_orbit
+from ibrpipe.io.frames import frame_entry, write_frame
+from ibrpipe.io.paths import CameraPath, camera_path, is_orbit, parse_orbit
+from ibrpipe.io.video import write_video
 from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
+from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.renderers.api import prepare, render, renderers
 from ibrpipe.renderers.choice import Choice, choose
-from ibrpipe.stages.video import write_video
-from ibrpipe.stages.viewpoints import camera_path
-from ibrpipe.types import Array, Asset, Camera, Frame
+from ibrpipe.types import Array, Asset, Camera
 
 Output = Literal["color", "depth", "alpha"]
 
@@ -154,43 +154,6 @@ def _render_all(
     return entries
 
 
-def frame_entry(
-    name: str, renderer: str, camera: Camera, frame: Frame, files: Mapping[str, str], milliseconds: float
-) -> dict[str, Any]:
-    """Return a frame's entry of ``frames.json``."""
-    return {
-        "view": name,
-        "renderer": renderer,
-        **files,
-        "ms": round(milliseconds, 4),
-        "width": camera.width,
-        "height": camera.height,
-        "K": camera.K.tolist(),
-        "cam_from_world": camera.cam_from_world.tolist(),
-        "stats": dict(frame.stats),
-    }
-
-
-def write_frame(frame: Frame, stem: Path) -> dict[str, str]:
-    """Write STEM.exr and, where there is colour, STEM.png; each appears only when it is complete."""
-    channels: dict[str, Array] = {}
-    if frame.color is not None:
-        channels.update(zip("RGB", np.moveaxis(frame.color, 2, 0)))
-    if frame.alpha is not None:
-        channels["A"] = frame.alpha
-    if frame.depth is not None:
-        channels["Z"] = frame.depth
-    folder, place = stem.parent, stem.parent.name
-    exr, png = f"{stem.name}.exr", f"{stem.name}.png"
-    write_exr(folder / f".{exr}", channels)
-    (folder / f".{exr}").replace(folder / exr)
-    if frame.color is None:
-        return {"file": f"{place}/{exr}"}
-    write_png(folder / f".{png}", frame.color, frame.alpha)
-    (folder / f".{png}").replace(folder / png)
-    return {"file": f"{place}/{exr}", "png": f"{place}/{png}"}
-
-
 STAGE = Stage(
     name="render",
     summary="Render an asset along a camera path to OpenEXR, PNG and, if asked for, video.",
@@ -200,3 +163,42 @@ STAGE = Stage(
     needs=("ingest", "asset"),
     example="ibrpipe render --out runs/vase --path orbit:frames=96,elevation=25 --video",
 )
+
+
+def render_path(
+    sources: Sequence[ReliefMesh],
+    path: CameraPath,
+    out: Path,
+    options: Mapping[str, Any],
+    repeats: int = 1,
+    moved: Sequence[Array] = (),
+) -> list[dict[str, Any]]:
+    """Render relief-mapped meshes along a path -> entries of ``frames.json``, which is written beside the frames.
+
+    `moved`: vertices (V, 3) of the one mesh for every frame; a path of one view is then seen from all the time.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    prepared, frames = prepare(list(sources), "relief"), list(path)
+    if moved and len(frames) == 1:
+        frames = [(f"{frames[0][0]}_{k:04d}", frames[0][1]) for k in range(len(moved))]
+    if moved and len(moved) != len(frames):
+        raise ShapeError(f"there are {len(moved)} moved meshes for {len(frames)} views; give one for each, or one view")
+    render(prepared, frames[0][1].resized(8, 8), "relief", **options)  # compiles, outside the timer
+    entries = []
+    for number, (name, camera) in enumerate(frames):
+        more = {**options, "vertices": moved[number]} if moved else options
+        milliseconds = []
+        for _ in range(repeats):
+            began = perf_counter()
+            frame = render(prepared, camera, "relief", **more)
+            milliseconds.append(1e3 * (perf_counter() - began))
+        files = write_frame(frame, out / name)
+        entries.append(frame_entry(name, "relief", camera, frame, files, median(milliseconds)))
+    document = {"renderers": ["relief"], "options": {key: _plain(value) for key, value in options.items()}}
+    text = json.dumps({**document, "frames": entries}, indent=1, ensure_ascii=False)
+    (out / "frames.json").write_text(text + "\n", encoding="utf-8")
+    return entries
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value

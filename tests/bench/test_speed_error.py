@@ -15,9 +15,9 @@ from ibrpipe.bench.report.speed_page import recommended
 from ibrpipe.bench.report.template import figure, share
 from ibrpipe.bench.settings import choose_settings
 from ibrpipe.bench.speed_results import Score, SpeedErrorModel, Timing, WorkFacts
-from ibrpipe.bench.timing import interleave, slope
 from ibrpipe.bench.workloads import bumpy_torus, height_field, object_of, region_views
 from ibrpipe.cli.main import cli
+from ibrpipe.evaluation.timing import interleave, slope
 from ibrpipe.io.meshes import write_mesh
 
 

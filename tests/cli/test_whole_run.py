@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 
 from ibrpipe.cli.main import cli
 from ibrpipe.engine.documents import DOCUMENTS
-from ibrpipe.stages.metrics import read_metrics
+from ibrpipe.evaluation.metrics import read_metrics
 from ibrpipe.stages.registry import STAGES, load_stage
 
 FAST = ["plan.samples=2000", "plan.residuals=always", "plan.k=0.125", "render.repeats=1", "evaluate.timing_width=64"]

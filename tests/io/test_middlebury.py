@@ -8,11 +8,11 @@ from click.testing import CliRunner
 
 from ibrpipe.cli.main import cli
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
+from ibrpipe.evaluation.depth_error import disparity_error
 from ibrpipe.io.captures import has_cameras, read_capture
 from ibrpipe.io.dense import Workspace, write_map
 from ibrpipe.io.images import write_png
 from ibrpipe.io.middlebury import read_calibration, read_disparity, read_pfm
-from ibrpipe.stages.depth_error import disparity_error
 
 CALIB = """cam0=[100.5 0 15.25; 0 100.5 11; 0 0 1]
 cam1=[100.5 0 18.25; 0 100.5 11; 0 0 1]

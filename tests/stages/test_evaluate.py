@@ -15,12 +15,12 @@ import ibrpipe
 from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
+from ibrpipe.evaluation.baselines import render_median
+from ibrpipe.evaluation.metrics import MetricsModel, mean_scores, read_metrics
 from ibrpipe.io.images import read_image
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import ViewSet, read_views, write_views
 from ibrpipe.stages import evaluate, ingest, render
-from ibrpipe.stages.baselines import render_median
-from ibrpipe.stages.metrics import MetricsModel, mean_scores, read_metrics
 from ibrpipe.types import Asset, LayeredDepthImage, SpiralTexture
 
 QUICK = evaluate.EvaluateConfig(timing_width=32, timing_repeats=2, timing_views=2, report_views=2)
@@ -136,7 +136,7 @@ def test_bytes_are_those_on_disk(made, metrics):
 
 
 def test_seconds_come_from_the_manifests(made, tmp_path):
-    from ibrpipe.stages.sizes import seconds_of
+    from ibrpipe.evaluation.sizes import seconds_of
 
     assert seconds_of(None, "evaluate") == {}
     assert seconds_of(made, "evaluate") == {}  # made without the runner
@@ -234,9 +234,9 @@ def test_a_capture_without_held_out_views_is_told(made, tmp_path):
 def test_baselines_reach_the_reference_on_path_traced_captures(capture, name, psnr, within):
     import os
 
-    from ibrpipe.stages.baselines import render_ulr
-    from ibrpipe.stages.held_out import load_truth
-    from ibrpipe.stages.scores import score_frame
+    from ibrpipe.evaluation.baselines import render_ulr
+    from ibrpipe.evaluation.held_out import load_truth
+    from ibrpipe.evaluation.image_scores import score_frame
 
     root = Path(os.environ.get("IBRPIPE_DATA", "")) / "captures" / capture
     if "IBRPIPE_DATA" not in os.environ or not root.is_dir():

@@ -10,6 +10,7 @@ import pytest
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
+from ibrpipe.evaluation.surface_error import compare_surfaces
 from ibrpipe.io.dense import DepthMap, Workspace, write_map
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import View, read_views
@@ -30,7 +31,6 @@ from ibrpipe.reconstruction.surface.poisson import POINT_BYTES, poisson_surface,
 from ibrpipe.reconstruction.surface.settings import SurfaceConfig
 from ibrpipe.reconstruction.surface.silhouettes import load_outlines
 from ibrpipe.reconstruction.surface.visual_hull import hull_surface
-from ibrpipe.stages.surface_error import compare_surfaces
 from ibrpipe.types import Mesh
 
 #: standard deviation of the depth maps, as a share of the ball's diagonal

@@ -9,6 +9,7 @@ import pytest
 
 import ibrpipe
 from ibrpipe.embree import MeshCaster
+from ibrpipe.evaluation.report.surface_words import surface_sentences
 from ibrpipe.io.layers import read_layers
 from ibrpipe.io.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import load_view, read_views
@@ -25,7 +26,6 @@ from ibrpipe.reconstruction.surface.two_sided import (
 )
 from ibrpipe.stages import ingest, layers, plan
 from ibrpipe.stages.frusta import Frustum
-from ibrpipe.stages.report.surface_words import surface_sentences
 from ibrpipe.synthetic.capture import SynthConfig, write_capture
 from ibrpipe.synthetic.light import Studio
 from ibrpipe.synthetic.paints import grain

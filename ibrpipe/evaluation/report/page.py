@@ -7,13 +7,13 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from ibrpipe.stages.metrics import MetricsModel
-from ibrpipe.stages.report import words
-from ibrpipe.stages.report.pictures import GAIN, ViewPictures, heat_colors
-from ibrpipe.stages.report.plot import speed_error_plot
-from ibrpipe.stages.report.sources import ReportSources
-from ibrpipe.stages.report.surface_pictures import PALE, WORST, SurfacePictures, confidence_colors, error_colors
-from ibrpipe.stages.report.surface_words import surface_sentences
+from ibrpipe.evaluation.metrics import MetricsModel
+from ibrpipe.evaluation.report import words
+from ibrpipe.evaluation.report.pictures import GAIN, ViewPictures, heat_colors
+from ibrpipe.evaluation.report.plot import speed_error_plot
+from ibrpipe.evaluation.report.sources import ReportSources
+from ibrpipe.evaluation.report.surface_pictures import PALE, WORST, SurfacePictures, confidence_colors, error_colors
+from ibrpipe.evaluation.report.surface_words import surface_sentences
 from ibrpipe.types import Array
 
 NAMES = {
@@ -58,7 +58,7 @@ def render_page(
         number=words.number, size=words.size, plain=words.plain, surface_words=words.surface_words
     )
     template = environment.from_string(
-        resources.files("ibrpipe.stages.report").joinpath("template.html").read_text(encoding="utf-8")
+        resources.files("ibrpipe.evaluation.report").joinpath("template.html").read_text(encoding="utf-8")
     )
     return template.render(
         metrics=metrics,

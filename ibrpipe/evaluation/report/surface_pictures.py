@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.embree import Hits, MeshCaster
+from ibrpipe.evaluation.report.pictures import PAPER, jpeg
 from ibrpipe.io.views import View
-from ibrpipe.stages.report.pictures import PAPER, jpeg
 from ibrpipe.types import Array, Camera, Mesh
 
 #: what the colours of the error pictures end at, share of the true surface's diagonal

@@ -8,7 +8,7 @@ import pytest
 from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.core.color import srgb_decode
 from ibrpipe.embree import MeshCaster
-from ibrpipe.stages.baselines import camera_rays, render_median, render_ulr
+from ibrpipe.evaluation.baselines import camera_rays, render_median, render_ulr
 from ibrpipe.types import Camera, Mesh
 
 #: display codes of the photos, one colour each

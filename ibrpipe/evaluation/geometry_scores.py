@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.embree import MeshCaster
+from ibrpipe.evaluation.depth_error import DepthError, depth_error, maps_of
+from ibrpipe.evaluation.metrics import DepthScores, GeometryScores, ThresholdScores
+from ibrpipe.evaluation.surface_error import SurfaceError, compare_surfaces
 from ibrpipe.io.dense import Workspace
 from ibrpipe.io.meshes import read_vertex_values
 from ibrpipe.io.views import View
-from ibrpipe.stages.depth_error import DepthError, depth_error, maps_of
-from ibrpipe.stages.metrics import DepthScores, GeometryScores, ThresholdScores
-from ibrpipe.stages.surface_error import SurfaceError, compare_surfaces
 from ibrpipe.types import Array, Mesh
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ibrpipe.errors import ShapeError
-from ibrpipe.stages import scores
-from ibrpipe.stages.metrics import Scores, mean_scores
+from ibrpipe.evaluation import image_scores
+from ibrpipe.evaluation.metrics import Scores, mean_scores
 from ibrpipe.types import Frame
 
 EVERYWHERE = np.ones((40, 50), bool)
@@ -24,31 +24,31 @@ def textured():
 
 def test_codes_of_known_light():
     light = np.array([[[0.0, 1.0, 0.5], [0.0031308, 0.2140411, 4.0]]])
-    assert scores.to_srgb8(light).tolist() == [[[0, 255, 188], [10, 127, 255]]]
+    assert image_scores.to_srgb8(light).tolist() == [[[0, 255, 188], [10, 127, 255]]]
 
 
 def test_psnr_of_a_constant_difference():
-    assert scores.psnr(flat(100), flat(110), EVERYWHERE) == pytest.approx(20 * np.log10(255 / 10))
+    assert image_scores.psnr(flat(100), flat(110), EVERYWHERE) == pytest.approx(20 * np.log10(255 / 10))
 
 
 def test_psnr_is_about_what_the_noise_says_neither_better_nor_worse():
     noise = np.random.default_rng(1).normal(0.0, 8.0, (200, 200, 3))
     noisy = np.rint(128 + noise).astype(np.uint8)
-    found = scores.psnr(flat(128, (200, 200)), noisy, np.ones((200, 200), bool))
+    found = image_scores.psnr(flat(128, (200, 200)), noisy, np.ones((200, 200), bool))
     expected = 20 * np.log10(255 / np.sqrt(8.0**2 + 1 / 12))
     assert expected - 0.1 < found < expected + 0.1
 
 
 def test_equal_pictures(textured):
-    assert scores.psnr(textured, textured, EVERYWHERE) == scores.PSNR_CAP
-    assert scores.ssim(textured, textured, EVERYWHERE) == pytest.approx(1.0, abs=1e-12)
-    assert scores.flip(textured, textured, EVERYWHERE) == 0.0
+    assert image_scores.psnr(textured, textured, EVERYWHERE) == image_scores.PSNR_CAP
+    assert image_scores.ssim(textured, textured, EVERYWHERE) == pytest.approx(1.0, abs=1e-12)
+    assert image_scores.flip(textured, textured, EVERYWHERE) == 0.0
 
 
 def test_ssim_of_flat_pictures_is_its_luminance_term():
     c1 = (0.01 * 255) ** 2
     expected = (2 * 100 * 140 + c1) / (100**2 + 140**2 + c1)
-    assert scores.ssim(flat(100), flat(140), EVERYWHERE) == pytest.approx(expected, abs=1e-9)
+    assert image_scores.ssim(flat(100), flat(140), EVERYWHERE) == pytest.approx(expected, abs=1e-9)
 
 
 def test_ssim_of_a_window_by_hand(textured):
@@ -56,7 +56,7 @@ def test_ssim_of_a_window_by_hand(textured):
     other = other.astype(np.uint8)
     only = np.zeros_like(EVERYWHERE)
     only[17:24, 27:34] = True  # the window around (20, 30) lies inside
-    found = scores.ssim(textured, other, only)
+    found = image_scores.ssim(textured, other, only)
     x, y = textured.astype(float), other.astype(float)
     x[~only], y[~only] = 0.0, 0.0
     by_hand = [_ssim_at(x, y, row, column, c) for row in range(17, 24) for column in range(27, 34) for c in range(3)]
@@ -74,12 +74,12 @@ def _ssim_at(x, y, row, column, channel):
 
 
 def test_flip_grows_with_the_difference(textured):
-    near = scores.flip(textured, (textured + 5).astype(np.uint8), EVERYWHERE)
-    far = scores.flip(textured, (textured + 30).astype(np.uint8), EVERYWHERE)
+    near = image_scores.flip(textured, (textured + 5).astype(np.uint8), EVERYWHERE)
+    far = image_scores.flip(textured, (textured + 30).astype(np.uint8), EVERYWHERE)
     assert 0.0 < near < far < 1.0
 
 
-@pytest.mark.parametrize("score", [scores.psnr, scores.ssim, scores.flip])
+@pytest.mark.parametrize("score", [image_scores.psnr, image_scores.ssim, image_scores.flip])
 def test_what_lies_outside_the_mask_counts_nothing(textured, score):
     mask = EVERYWHERE.copy()
     mask[:, :25] = False
@@ -90,7 +90,7 @@ def test_what_lies_outside_the_mask_counts_nothing(textured, score):
     assert score(textured, spoilt, EVERYWHERE) != score(textured, other, EVERYWHERE)
 
 
-@pytest.mark.parametrize("score", [scores.psnr, scores.ssim, scores.flip])
+@pytest.mark.parametrize("score", [image_scores.psnr, image_scores.ssim, image_scores.flip])
 def test_an_empty_mask_has_no_score(textured, score):
     assert score(textured, textured, ~EVERYWHERE) is None
 
@@ -99,29 +99,29 @@ def test_an_empty_mask_has_no_score(textured, score):
 def test_ssim_of_one_pixel_in_a_corner(textured, corner):
     mask = ~EVERYWHERE
     mask[corner] = True
-    assert scores.ssim(textured, textured, mask) == pytest.approx(1.0)
+    assert image_scores.ssim(textured, textured, mask) == pytest.approx(1.0)
 
 
 def test_ssim_of_a_tiny_picture_is_refused():
     small = np.ones((6, 50), bool)
     with pytest.raises(ShapeError, match="at least 7 pixels a side, got"):
-        scores.ssim(flat(1, (6, 50)), flat(2, (6, 50)), small)
+        image_scores.ssim(flat(1, (6, 50)), flat(2, (6, 50)), small)
 
 
 def test_depth_error_over_pixels_that_both_hit():
     truth = np.array([[1.0, 2.0, np.inf, 4.0, 5.0]], np.float32)
     depth = np.array([[1.3, 2.4, 3.0, np.inf, 9.0]], np.float32)
     mask = np.array([[True, True, True, True, False]])
-    rmse, median = scores.depth_errors(truth, depth, mask)
+    rmse, median = image_scores.depth_errors(truth, depth, mask)
     assert rmse == pytest.approx(np.sqrt((0.3**2 + 0.4**2) / 2), rel=1e-6)
     assert median == pytest.approx(0.35, rel=1e-6)
-    assert scores.depth_errors(truth, np.full_like(truth, np.inf), mask) == (None, None)
+    assert image_scores.depth_errors(truth, np.full_like(truth, np.inf), mask) == (None, None)
 
 
 def test_coverage_counts_mask_pixels_alone():
     alpha = np.array([[1.0, 0.0, 1.0, 1.0, 1.0]])
     mask = np.array([[True, True, True, False, False]])
-    assert scores.coverage(alpha, mask) == pytest.approx(2 / 3)
+    assert image_scores.coverage(alpha, mask) == pytest.approx(2 / 3)
 
 
 def test_highlights_are_patches_not_lines():
@@ -130,7 +130,7 @@ def test_highlights_are_patches_not_lines():
     truth[20, 5:40] = 200  # a thin line
     truth[30:35, 30:35] = 123  # not far enough
     truth[12:17, 40:45] = 60  # darker counts too
-    found = scores.highlight_pixels(truth, diffuse, EVERYWHERE, 24)
+    found = image_scores.highlight_pixels(truth, diffuse, EVERYWHERE, 24)
     expected = ~EVERYWHERE
     expected[5:10, 5:10] = True
     expected[12:17, 40:45] = True
@@ -140,24 +140,24 @@ def test_highlights_are_patches_not_lines():
 def test_a_frame_is_scored_with_uncovered_pixels_black():
     mask = ~EVERYWHERE
     mask[10:30, 10:30] = True
-    truth = scores.Truth(flat(188), mask, np.full((40, 50), 2.0, np.float32))
+    truth = image_scores.Truth(flat(188), mask, np.full((40, 50), 2.0, np.float32))
     color, alpha = np.full((40, 50, 3), 0.5, np.float32), np.ones((40, 50), np.float32)
     color[10:20], alpha[10:20] = 0.0, 0.0
     depth = np.where(alpha > 0, np.float32(2.5), np.float32(np.inf))
     highlights = mask.copy()
     highlights[20:30] = False
-    found = scores.score_frame(truth, Frame(color, depth, alpha), highlights)
+    found = image_scores.score_frame(truth, Frame(color, depth, alpha), highlights)
     assert found.psnr == pytest.approx(10 * np.log10(255**2 / (188**2 / 2)))
     assert found.coverage == 0.5
     assert found.depth_rmse == pytest.approx(0.5)
     assert found.psnr_highlight == pytest.approx(20 * np.log10(255 / 188))
-    assert found.psnr_rest == scores.PSNR_CAP
+    assert found.psnr_rest == image_scores.PSNR_CAP
 
 
 def test_a_frame_of_another_size_is_refused():
-    truth = scores.Truth(flat(1), EVERYWHERE)
+    truth = image_scores.Truth(flat(1), EVERYWHERE)
     with pytest.raises(ShapeError, match=r"\(20, 50, 3\) but the held-out photo is \(40, 50, 3\)"):
-        scores.score_frame(truth, Frame(np.zeros((20, 50, 3), np.float32), None, None))
+        image_scores.score_frame(truth, Frame(np.zeros((20, 50, 3), np.float32), None, None))
 
 
 @pytest.mark.parametrize(
@@ -170,7 +170,7 @@ def test_a_frame_of_another_size_is_refused():
 )
 def test_a_truth_of_wrong_shape_is_refused(color, mask, depth, words):
     with pytest.raises(ShapeError, match=words):
-        scores.Truth(color, mask, depth)
+        image_scores.Truth(color, mask, depth)
 
 
 def test_means_leave_out_views_without_the_figure():

@@ -1,19 +1,19 @@
-"""Held-out views: what the photos show, and the frames that the render stage made for them."""
+"""Rendered frames on disk: pictures and their entries in ``frames.json``."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ibrpipe.errors import CaptureError, FormatError, MissingFileError
+from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.image_files import read_header
-from ibrpipe.io.images import read_depth, read_image
-from ibrpipe.io.views import View, ViewSet, load_depth, load_view
-from ibrpipe.stages.scores import MASK_THRESHOLD, Truth, to_srgb8
+from ibrpipe.io.images import read_depth, read_image, write_exr, write_png
+from ibrpipe.io.views import View
 from ibrpipe.types import Array, Camera, Frame
 
 
@@ -66,27 +66,6 @@ def read_frames(folder: Path) -> Frames:
         raise FormatError(f"{path}: is no list of frames ({error!r}); run the render stage again") from error
 
 
-def held_out_views(views: ViewSet) -> tuple[View, ...]:
-    """Return the views to measure on.
-
-    Raises
-    ------
-    CaptureError
-        None is held out.
-    """
-    if not views.test:
-        raise CaptureError(
-            "the capture has no held-out views to measure on; add a test/ folder, or let ingest hold photos out"
-        )
-    return views.test
-
-
-def load_truth(view: View) -> Truth:
-    """Load what a held-out view shows: 8-bit sRGB, mask, and true depth where the capture has it."""
-    color, mask = load_view(view)
-    return Truth(to_srgb8(color), mask >= MASK_THRESHOLD, None if view.depth is None else load_depth(view))
-
-
 def _same_camera(entry: dict[str, Any], camera: Camera) -> bool:
     size = entry.get("width"), entry.get("height")
     if size != (camera.width, camera.height):
@@ -97,3 +76,40 @@ def _same_camera(entry: dict[str, Any], camera: Camera) -> bool:
 def _depth(path: Path) -> Array | None:
     """Return the Z channel; None where the file has none."""
     return read_depth(path) if "Z" in read_header(path).channels else None
+
+
+def frame_entry(
+    name: str, renderer: str, camera: Camera, frame: Frame, files: Mapping[str, str], milliseconds: float
+) -> dict[str, Any]:
+    """Return a frame's entry of ``frames.json``."""
+    return {
+        "view": name,
+        "renderer": renderer,
+        **files,
+        "ms": round(milliseconds, 4),
+        "width": camera.width,
+        "height": camera.height,
+        "K": camera.K.tolist(),
+        "cam_from_world": camera.cam_from_world.tolist(),
+        "stats": dict(frame.stats),
+    }
+
+
+def write_frame(frame: Frame, stem: Path) -> dict[str, str]:
+    """Write STEM.exr and, where there is colour, STEM.png; each appears only when it is complete."""
+    channels: dict[str, Array] = {}
+    if frame.color is not None:
+        channels.update(zip("RGB", np.moveaxis(frame.color, 2, 0)))
+    if frame.alpha is not None:
+        channels["A"] = frame.alpha
+    if frame.depth is not None:
+        channels["Z"] = frame.depth
+    folder, place = stem.parent, stem.parent.name
+    exr, png = f"{stem.name}.exr", f"{stem.name}.png"
+    write_exr(folder / f".{exr}", channels)
+    (folder / f".{exr}").replace(folder / exr)
+    if frame.color is None:
+        return {"file": f"{place}/{exr}"}
+    write_png(folder / f".{png}", frame.color, frame.alpha)
+    (folder / f".{png}").replace(folder / png)
+    return {"file": f"{place}/{exr}", "png": f"{place}/{png}"}

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ibrpipe.stages.metrics import MetricsModel, Scores
+from ibrpipe.evaluation.metrics import MetricsModel, Scores
 
 NONE = "–"
 MINUS = "−"

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ibrpipe.engine.machine import Machine
-from ibrpipe.stages.metrics import MetricsModel, Protocol, Scores, ViewMetrics
-from ibrpipe.stages.report import pictures, plot, words
-from ibrpipe.stages.report.page import render_page
-from ibrpipe.stages.report.sources import ReportSources
+from ibrpipe.evaluation.metrics import MetricsModel, Protocol, Scores, ViewMetrics
+from ibrpipe.evaluation.report import pictures, plot, words
+from ibrpipe.evaluation.report.page import render_page
+from ibrpipe.evaluation.report.sources import ReportSources
 
 
 def scores(psnr, ms, highlight=None, rest=None):

@@ -13,7 +13,7 @@ import numpy as np
 
 from ibrpipe.core.color import srgb_encode, to_bytes
 from ibrpipe.errors import ShapeError
-from ibrpipe.stages.metrics import Scores
+from ibrpipe.evaluation.metrics import Scores
 from ibrpipe.types import Array, Frame
 
 MASK_THRESHOLD = 0.5

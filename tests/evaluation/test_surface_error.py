@@ -12,14 +12,14 @@ from click.testing import CliRunner
 from ibrpipe.cli.main import cli
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
+from ibrpipe.evaluation.depth_error import depth_error, maps_of
+from ibrpipe.evaluation.geometry_scores import GeometryRules, measure_geometry
+from ibrpipe.evaluation.report.surface_pictures import draw_surface, shade
+from ibrpipe.evaluation.report.surface_words import surface_sentences
+from ibrpipe.evaluation.surface_error import compare_surfaces
 from ibrpipe.io.dense import Workspace, write_map
 from ibrpipe.io.meshes import write_mesh
 from ibrpipe.io.views import read_views
-from ibrpipe.stages.depth_error import depth_error, maps_of
-from ibrpipe.stages.geometry_scores import GeometryRules, measure_geometry
-from ibrpipe.stages.report.surface_pictures import draw_surface, shade
-from ibrpipe.stages.report.surface_words import surface_sentences
-from ibrpipe.stages.surface_error import compare_surfaces
 from ibrpipe.types import Camera, Mesh
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ibrpipe.stages.metrics import GeometryScores
+from ibrpipe.evaluation.metrics import GeometryScores
 
 _METHODS = {
     "volume": "averaging the signed distances of the depth maps",

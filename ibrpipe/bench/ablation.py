@@ -1,6 +1,6 @@
 """What stands between a spiral-texture asset and the photos: every loss of a finished run measured on its own.
 
-    python -m ibrpipe.stages.ablation OUT
+    python -m ibrpipe.bench.ablation OUT
 
 reads the run folder OUT of ``ibrpipe run`` and writes ``OUT/ablation.json`` and ``OUT/ablation.md``. Figures are PSNR
 in the mask, 8-bit sRGB, mean over the held-out views.
@@ -22,18 +22,18 @@ from ibrpipe.core.color import srgb_decode
 from ibrpipe.core.spiral_lookup import neighbours
 from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, ConfigError, IbrError
+from ibrpipe.evaluation.baselines import camera_rays, render_ulr
+from ibrpipe.evaluation.image_scores import psnr, to_srgb8
 from ibrpipe.io.residuals import read_residuals, write_residuals
 from ibrpipe.io.views import View, load_view, read_views
 from ibrpipe.renderers import residual_pass
 from ibrpipe.renderers.api import prepare, render
-from ibrpipe.stages.baselines import camera_rays, render_ulr
 from ibrpipe.stages.diffuse import diffuse_frame
 from ibrpipe.stages.plan import TexturePlan
 from ibrpipe.stages.rectangles import passed
 from ibrpipe.stages.residual_sets import Samples, assemble, uncoded
 from ibrpipe.stages.residual_units import Context, Sources, context_of, forget
 from ibrpipe.stages.residuals import ResidualsConfig, code, refine, sample
-from ibrpipe.stages.scores import psnr, to_srgb8
 from ibrpipe.types import Array, Asset, Camera, SpiralResiduals, SpiralTexture
 
 #: linear picture (H, W, 3) of a camera
@@ -239,7 +239,7 @@ def main(arguments: Sequence[str]) -> int:
     """Measure the run folder that is given; return the exit code."""
     try:
         if len(arguments) != 1:
-            raise ConfigError("give one run folder: python -m ibrpipe.stages.ablation OUT")
+            raise ConfigError("give one run folder: python -m ibrpipe.bench.ablation OUT")
         run = Path(arguments[0])
         with executor():
             rows = measure(run, _config_of(run))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 from typing import Any
 
-from ibrpipe.stages.metrics import MetricsModel
-from ibrpipe.stages.report.words import milliseconds
+from ibrpipe.evaluation.metrics import MetricsModel
+from ibrpipe.evaluation.report.words import milliseconds
 
 INK, MUTED, GRID = "#1d2329", "#6b747d", "#e4e4df"
 ASSET, BASELINE = "#0b6e8f", "#a9562b"

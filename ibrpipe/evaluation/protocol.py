@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numba
 
-from ibrpipe.stages.metrics import Protocol
-from ibrpipe.stages.scores import FLIP_PPD, MASK_THRESHOLD, PSNR_CAP, SSIM_WINDOW
+from ibrpipe.evaluation.image_scores import FLIP_PPD, MASK_THRESHOLD, PSNR_CAP, SSIM_WINDOW
+from ibrpipe.evaluation.metrics import Protocol
 from ibrpipe.types import Camera
 
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import ibrpipe
 from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.embree import MeshCaster
+from ibrpipe.evaluation.baselines import render_median, render_ulr
+from ibrpipe.evaluation.timing import Draw, Way
+from ibrpipe.io.frames import Frames
 from ibrpipe.io.views import View
 from ibrpipe.renderers.api import Prepared
 from ibrpipe.renderers.choice import Choice, choose
-from ibrpipe.stages.baselines import render_median, render_ulr
-from ibrpipe.stages.held_out import Frames
-from ibrpipe.stages.timing import Draw, Way
 from ibrpipe.types import Asset, Camera, Frame
 
 #: what a timed frame holds

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ibrpipe.stages import timing
+from ibrpipe.evaluation import timing
 from ibrpipe.types import Camera
 
 

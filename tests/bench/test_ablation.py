@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ibrpipe.bench.ablation import around, as_table, main
 from ibrpipe.stages import geometry, ingest, layers, plan
-from ibrpipe.stages.ablation import around, as_table, main
 
 
 @pytest.fixture(scope="module")

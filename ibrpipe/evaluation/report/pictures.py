@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ibrpipe.stages.metrics import Scores, ViewMetrics
-from ibrpipe.stages.scores import Truth
+from ibrpipe.evaluation.image_scores import Truth
+from ibrpipe.evaluation.metrics import Scores, ViewMetrics
 from ibrpipe.types import Array
 
 #: how much differences are amplified

@@ -1,0 +1,1 @@
+"""Measuring a run: scores, baselines, timing, surfaces, and the report."""

@@ -1,0 +1,28 @@
+"""Held-out views: what the photos show, and the frames that the render stage made for them."""
+
+from __future__ import annotations
+
+from ibrpipe.errors import CaptureError
+from ibrpipe.evaluation.image_scores import MASK_THRESHOLD, Truth, to_srgb8
+from ibrpipe.io.views import View, ViewSet, load_depth, load_view
+
+
+def held_out_views(views: ViewSet) -> tuple[View, ...]:
+    """Return the views to measure on.
+
+    Raises
+    ------
+    CaptureError
+        None is held out.
+    """
+    if not views.test:
+        raise CaptureError(
+            "the capture has no held-out views to measure on; add a test/ folder, or let ingest hold photos out"
+        )
+    return views.test
+
+
+def load_truth(view: View) -> Truth:
+    """Load what a held-out view shows: 8-bit sRGB, mask, and true depth where the capture has it."""
+    color, mask = load_view(view)
+    return Truth(to_srgb8(color), mask >= MASK_THRESHOLD, None if view.depth is None else load_depth(view))
