@@ -13,7 +13,7 @@ import numpy as np
 import ibrpipe
 from ibrpipe.io.images import write_png
 from ibrpipe.io.meshes import read_mesh
-from ibrpipe.stages.reliefs import SIDES, asset_from_reliefs, box_from_mesh, relief_from_images
+from ibrpipe.modelling.relief_textures import SIDES, asset_from_reliefs, box_from_mesh, relief_from_images
 from ibrpipe.types import Array, Camera, ReliefTexture
 
 IMAGES = Path(__file__).resolve().parent.parent / "images"

@@ -14,7 +14,7 @@ import numpy as np
 import ibrpipe
 from ibrpipe.io.images import write_png
 from ibrpipe.io.meshes import read_mesh
-from ibrpipe.stages.relief_objects import dual_relief_from_mesh
+from ibrpipe.modelling.dual_relief import dual_relief_from_mesh
 from ibrpipe.types import Array, Camera, Mesh, ParallelFrame, ReliefTexture
 
 IMAGES = Path(__file__).resolve().parent.parent / "images"

@@ -26,14 +26,15 @@ from ibrpipe.evaluation.baselines import camera_rays, render_ulr
 from ibrpipe.evaluation.image_scores import psnr, to_srgb8
 from ibrpipe.io.residuals import read_residuals, write_residuals
 from ibrpipe.io.views import View, load_view, read_views
+from ibrpipe.modelling.diffuse import diffuse_frame
+from ibrpipe.modelling.plan_file import TexturePlan
+from ibrpipe.modelling.rectangles import passed
+from ibrpipe.modelling.view_dependence.coding import code
+from ibrpipe.modelling.view_dependence.sample_sets import Samples, assemble, uncoded
+from ibrpipe.modelling.view_dependence.spiral import ResidualsConfig, refine, sample
+from ibrpipe.modelling.view_dependence.work_units import Context, Sources, context_of, forget
 from ibrpipe.renderers import residual_pass
 from ibrpipe.renderers.api import prepare, render
-from ibrpipe.stages.diffuse import diffuse_frame
-from ibrpipe.stages.plan import TexturePlan
-from ibrpipe.stages.rectangles import passed
-from ibrpipe.stages.residual_sets import Samples, assemble, uncoded
-from ibrpipe.stages.residual_units import Context, Sources, context_of, forget
-from ibrpipe.stages.residuals import ResidualsConfig, code, refine, sample
 from ibrpipe.types import Array, Asset, Camera, SpiralResiduals, SpiralTexture
 
 #: linear picture (H, W, 3) of a camera

@@ -17,10 +17,10 @@ from ibrpipe.bench.size_results import Skipped, Table2Model, Table2Row
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.engine.machine import describe_machine
 from ibrpipe.evaluation.timing import interleave
+from ibrpipe.modelling.depth_images import depth_images_asset
+from ibrpipe.modelling.frusta import Frustum, cube_frusta, greedy_frusta
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
-from ibrpipe.stages.depth_images import depth_images_asset
-from ibrpipe.stages.frusta import Frustum, cube_frusta, greedy_frusta
 from ibrpipe.types import Array, Camera, Mesh
 
 #: seconds of the paper, 250 MHz R10000

@@ -44,8 +44,8 @@ def command(
     """
     from ibrpipe.io.assets import write_asset
     from ibrpipe.io.meshes import read_mesh
-    from ibrpipe.stages import frusta as placing
-    from ibrpipe.stages.depth_images import depth_images_asset
+    from ibrpipe.modelling import frusta as placing
+    from ibrpipe.modelling.depth_images import depth_images_asset
 
     if source.is_dir():
         count = _write_views(source, out)
@@ -76,7 +76,7 @@ def _write_views(capture: Path, out: Path) -> int:
     from ibrpipe.io.assets import write_asset
     from ibrpipe.io.captures import read_capture
     from ibrpipe.io.views import load_depth, load_view
-    from ibrpipe.stages.depth_images import asset_of_views
+    from ibrpipe.modelling.depth_images import asset_of_views
     from ibrpipe.types import DepthImage
 
     whole = read_capture(capture)

@@ -62,7 +62,7 @@ def images(
 ) -> None:
     """Lay the height map and colours of FOLDER (height.*, color.*) on a rectangle, heights along +z."""
     from ibrpipe.io.relief_images import read_color, read_height, read_relief_folder
-    from ibrpipe.stages.reliefs import PARTED, relief_from_images, steep_share
+    from ibrpipe.modelling.relief_textures import PARTED, relief_from_images, steep_share
 
     if folder is None and height is None:
         raise click.UsageError("give FOLDER or --height FILE")
@@ -88,7 +88,7 @@ def images(
 def asset(asset: Path, out: Path) -> None:
     """Keep the first layer of every texture of ASSET."""
     from ibrpipe.io.assets import read_asset
-    from ibrpipe.stages.reliefs import relief_from_layers
+    from ibrpipe.modelling.relief_textures import relief_from_layers
 
     whole = read_asset(asset)
     names = [entry["name"] for entry in whole.info["textures"]]
@@ -103,7 +103,7 @@ def asset(asset: Path, out: Path) -> None:
 def mesh(mesh: Path, side: str, texels: int, out: Path) -> None:
     """Sample one side of MESH orthographically from its bounding box."""
     from ibrpipe.io.meshes import read_mesh
-    from ibrpipe.stages.reliefs import relief_from_mesh
+    from ibrpipe.modelling.relief_textures import relief_from_mesh
 
     _write([relief_from_mesh(read_mesh(mesh), side, texels)], [side], mesh, out)
 
@@ -115,7 +115,7 @@ def mesh(mesh: Path, side: str, texels: int, out: Path) -> None:
 def box(mesh: Path, texels: int, out: Path) -> None:
     """Sample all six sides of MESH: an object that is seen from everywhere."""
     from ibrpipe.io.meshes import read_mesh
-    from ibrpipe.stages.reliefs import SIDES, box_from_mesh
+    from ibrpipe.modelling.relief_textures import SIDES, box_from_mesh
 
     _write(box_from_mesh(read_mesh(mesh), texels), list(SIDES), mesh, out)
 
@@ -134,7 +134,7 @@ def range_data(capture: Path, planes: Path, out: Path) -> None:
     """Resample the views of CAPTURE that have depth maps onto planes that the user places."""
     from ibrpipe.io.captures import read_capture
     from ibrpipe.io.views import load_depth, load_view
-    from ibrpipe.stages.reliefs import reliefs_from_range
+    from ibrpipe.modelling.relief_textures import reliefs_from_range
     from ibrpipe.types import DepthImage
 
     placed = _planes(planes)
@@ -147,7 +147,7 @@ def range_data(capture: Path, planes: Path, out: Path) -> None:
 
 
 def _planes(path: Path) -> list[Any]:
-    from ibrpipe.stages.reliefs import Plane
+    from ibrpipe.modelling.relief_textures import Plane
 
     if not path.is_file():
         raise MissingFileError(f"{path}: there is no such file of planes")
@@ -166,7 +166,7 @@ _VECTORS = ("origin", "across", "down")
 
 def _write(reliefs: Sequence[Any], names: Sequence[str], source: Path | None, out: Path) -> None:
     from ibrpipe.io.assets import write_asset
-    from ibrpipe.stages.reliefs import asset_from_reliefs
+    from ibrpipe.modelling.relief_textures import asset_from_reliefs
 
     write_asset(asset_from_reliefs(reliefs, names, str(source)), out)
     texels = sum(relief.height.size for relief in reliefs)

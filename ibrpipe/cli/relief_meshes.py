@@ -133,7 +133,7 @@ mesh_map.params.append(json_option)
 def dual(mesh: Path, side: str, texels: int, out: Path) -> None:
     """Sample front and back of MESH onto one rectangle: normal x, y and two depths in one image."""
     from ibrpipe.io.meshes import read_mesh
-    from ibrpipe.stages.relief_objects import dual_relief_from_mesh, write_relief_quad
+    from ibrpipe.modelling.dual_relief import dual_relief_from_mesh, write_relief_quad
 
     source = dual_relief_from_mesh(read_mesh(mesh), side, texels)
     write_relief_quad(source, out)

@@ -15,7 +15,7 @@ from ibrpipe.engine.stage import Stage
 from ibrpipe.io.assets import INDEX, AssetIndex, Component, TextureEntry, write_index
 from ibrpipe.io.residuals import NAME
 from ibrpipe.io.views import read_views
-from ibrpipe.stages.plan import read_plan
+from ibrpipe.modelling.plan_file import read_plan
 
 
 class AssetConfig(StageConfig):

@@ -7,8 +7,8 @@ import photo_twin
 import pytest
 from kernel_runs import on_all_thread_counts
 
-from ibrpipe.stages.diffuse import DiffuseSource
-from ibrpipe.stages.rectangles import Rectangle
+from ibrpipe.modelling.diffuse import DiffuseSource
+from ibrpipe.modelling.rectangles import Rectangle
 from ibrpipe.types import LayeredDepthImage
 
 #: three rectangles over the same volume: from below, from the side, and a perspective one

@@ -13,6 +13,7 @@ from ibrpipe.evaluation.report.surface_words import surface_sentences
 from ibrpipe.io.layers import read_layers
 from ibrpipe.io.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import load_view, read_views
+from ibrpipe.modelling.frusta import Frustum
 from ibrpipe.reconstruction.depth.evidence import evidence
 from ibrpipe.reconstruction.depth.map_store import LoadedMap
 from ibrpipe.reconstruction.surface.mesh_operations import openings
@@ -25,7 +26,6 @@ from ibrpipe.reconstruction.surface.two_sided import (
     with_second_side,
 )
 from ibrpipe.stages import ingest, layers, plan
-from ibrpipe.stages.frusta import Frustum
 from ibrpipe.synthetic.capture import SynthConfig, write_capture
 from ibrpipe.synthetic.light import Studio
 from ibrpipe.synthetic.paints import grain

@@ -9,10 +9,10 @@ import numpy as np
 
 from ibrpipe.core.spiral_marks import mark_images
 from ibrpipe.engine.memory_map import hand_back
+from ibrpipe.modelling.plan_file import TexturePlan
+from ibrpipe.modelling.view_dependence.spiral_images import spiral_images
+from ibrpipe.modelling.view_dependence.work_units import Context
 from ibrpipe.renderers import residual_pass
-from ibrpipe.stages.plan import TexturePlan
-from ibrpipe.stages.residual_units import Context
-from ibrpipe.stages.spiral_images import spiral_images
 from ibrpipe.types import Array, SpiralResiduals, SpiralTexture
 
 #: bytes that a texel takes while photos are rendered: texels and validity, and both joined for the kernel

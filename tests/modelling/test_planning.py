@@ -10,9 +10,11 @@ import pytest
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError
-from ibrpipe.stages.measure import Appearance, beyond_shift
-from ibrpipe.stages.plan import Inputs, PlanConfig, choose_residuals, make_plan, read_plan, run
-from ibrpipe.stages.rectangles import RectangleConfig
+from ibrpipe.modelling.appearance import Appearance, beyond_shift
+from ibrpipe.modelling.plan_file import read_plan
+from ibrpipe.modelling.planning import PlanConfig, choose_residuals, make_plan
+from ibrpipe.modelling.rectangles import RectangleConfig
+from ibrpipe.stages.plan import Inputs, run
 
 QUICK = PlanConfig(samples=4000)
 #: stands in front of the wall of the matt scene, looking along +y

@@ -15,8 +15,8 @@ from ibrpipe.cli.main import cli
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import ConfigError
 from ibrpipe.io.meshes import write_mesh
-from ibrpipe.stages.depth_images import depth_images_asset
-from ibrpipe.stages.frusta import (
+from ibrpipe.modelling.depth_images import depth_images_asset
+from ibrpipe.modelling.frusta import (
     Frustum,
     covered_share,
     cube_frusta,

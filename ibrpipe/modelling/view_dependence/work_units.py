@@ -19,9 +19,9 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.io.layers import read_layers
 from ibrpipe.io.meshes import read_mesh
 from ibrpipe.io.views import read_views
-from ibrpipe.stages.diffuse import DiffuseSource
-from ibrpipe.stages.plan import TexturePlan, read_plan
-from ibrpipe.stages.spiral_images import cast_image, spiral_images
+from ibrpipe.modelling.diffuse import DiffuseSource
+from ibrpipe.modelling.plan_file import TexturePlan, read_plan
+from ibrpipe.modelling.view_dependence.spiral_images import cast_image, spiral_images
 from ibrpipe.types import Array, LayeredDepthImage
 
 Stamp = tuple[tuple[str, int], ...]

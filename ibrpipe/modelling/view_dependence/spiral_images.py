@@ -13,7 +13,7 @@ import numpy as np
 
 from ibrpipe.core import spiral
 from ibrpipe.embree import MeshCaster
-from ibrpipe.stages.plan import TexturePlan
+from ibrpipe.modelling.plan_file import TexturePlan
 from ibrpipe.types import Array, ParallelFrame
 
 #: texels whose rays are cast together, about

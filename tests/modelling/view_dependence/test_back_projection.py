@@ -15,13 +15,15 @@ import pytest
 from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.engine.executor import executor
 from ibrpipe.io.residuals import read_residuals
-from ibrpipe.stages import ingest, layers, plan, residual_sets, residuals
-from ibrpipe.stages import spiral_images as spiral_images_module
-from ibrpipe.stages.refine import errors_in_batches, photo_errors
-from ibrpipe.stages.residual_sets import Samples, in_batches, uncoded
-from ibrpipe.stages.residual_units import Sources, context_of, forget, sample_images
-from ibrpipe.stages.residuals import ResidualsConfig, code, sample
-from ibrpipe.stages.spiral_images import SpiralImage, chunks, spiral_images
+from ibrpipe.modelling.view_dependence import sample_sets
+from ibrpipe.modelling.view_dependence import spiral_images as spiral_images_module
+from ibrpipe.modelling.view_dependence.back_projection import errors_in_batches, photo_errors
+from ibrpipe.modelling.view_dependence.coding import code
+from ibrpipe.modelling.view_dependence.sample_sets import Samples, in_batches, uncoded
+from ibrpipe.modelling.view_dependence.spiral import ResidualsConfig, sample
+from ibrpipe.modelling.view_dependence.spiral_images import SpiralImage, chunks, spiral_images
+from ibrpipe.modelling.view_dependence.work_units import Sources, context_of, forget, sample_images
+from ibrpipe.stages import ingest, layers, plan, residuals
 from ibrpipe.types import SpiralTexture
 
 
@@ -84,7 +86,7 @@ def test_bytes_do_not_depend_on_the_executor(
 def test_bytes_do_not_depend_on_the_memory(
     sources: Sources, inline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(residual_sets, "TEXEL_BYTES", 1e6)  # so that hardly a texel fits: every photo by itself
+    monkeypatch.setattr(sample_sets, "TEXEL_BYTES", 1e6)  # so that hardly a texel fits: every photo by itself
     monkeypatch.setattr(residuals, "UNIT", 3000)
     monkeypatch.setattr(spiral_images_module, "BAND", 600)
     build(sources, tmp_path / "scarce", quality=100, memory_mb=16)
@@ -95,10 +97,10 @@ def test_batches_hold_what_fits_and_every_photo_once(sources: Sources) -> None:
     context = context_of(sources)
     samples = [sample(sources, which, ResidualsConfig()) for which in (0, 1)]
     whole = sum(len(s.difference) for s in samples)
-    ((every, textures),) = in_batches(context, samples, True, whole * residual_sets.TEXEL_BYTES)
+    ((every, textures),) = in_batches(context, samples, True, whole * sample_sets.TEXEL_BYTES)
     assert list(every) == list(range(len(context.photos.cameras)))
     errors, psnr = photo_errors(context, textures)
-    few = list(in_batches(context, samples, True, whole * residual_sets.TEXEL_BYTES // 2))
+    few = list(in_batches(context, samples, True, whole * sample_sets.TEXEL_BYTES // 2))
     assert len(few) > 1
     assert [p for photos, _ in few for p in photos] == list(every)
     assert all(sum(len(t.residuals.texels) for t in part) <= whole // 2 for photos, part in few if len(photos) > 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ibrpipe.stages.rectangles import box_faces, passed
+from ibrpipe.modelling.rectangles import box_faces, passed
 
 FACES = box_faces(np.zeros(3), np.eye(3), np.ones(3), 0.05)
 NAMES = [face.name for face in FACES]

@@ -11,10 +11,11 @@ import pytest
 import ibrpipe
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.io.layers import read_layers
+from ibrpipe.modelling.layers import LayersConfig, build_layers, first_of_each, quantize, round_to_display
+from ibrpipe.modelling.plan_file import TexturePlan, write_plan
+from ibrpipe.modelling.rectangles import RectangleConfig, box_faces, distinct, sized
 from ibrpipe.stages import plan as plan_stage
-from ibrpipe.stages.layers import Inputs, LayersConfig, build_layers, first_of_each, quantize, round_to_display, run
-from ibrpipe.stages.plan import TexturePlan, write_plan
-from ibrpipe.stages.rectangles import RectangleConfig, box_faces, distinct, sized
+from ibrpipe.stages.layers import Inputs, run
 from ibrpipe.types import SpiralTexture
 
 EXACT = LayersConfig(depth_bits=32, color_bits=16)

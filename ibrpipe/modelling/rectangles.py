@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import ConfigError
-from ibrpipe.stages.frusta import Frustum
+from ibrpipe.modelling.frusta import Frustum
 from ibrpipe.types import Array, Camera, Mesh, ParallelFrame
 
 Vector = tuple[float, float, float]

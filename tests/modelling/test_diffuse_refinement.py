@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ibrpipe.core.color import srgb_decode, srgb_encode
-from ibrpipe.stages.layers import LayersConfig, build_layers
-from ibrpipe.stages.plan import TexturePlan
-from ibrpipe.stages.rectangles import box_faces
-from ibrpipe.stages.sharpen import sample_points, sharpen
+from ibrpipe.modelling.diffuse_refinement import sample_points, sharpen
+from ibrpipe.modelling.layers import LayersConfig, build_layers
+from ibrpipe.modelling.plan_file import TexturePlan
+from ibrpipe.modelling.rectangles import box_faces
 
 MEDIAN = 0
 

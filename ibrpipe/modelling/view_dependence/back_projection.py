@@ -14,10 +14,10 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from ibrpipe.core.color import srgb_encode
+from ibrpipe.modelling.diffuse import diffuse_frame
+from ibrpipe.modelling.view_dependence.work_units import Context
 from ibrpipe.progress import track
 from ibrpipe.renderers import residual_pass
-from ibrpipe.stages.diffuse import diffuse_frame
-from ibrpipe.stages.residual_units import Context
 from ibrpipe.types import Array, SpiralTexture
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import ibrpipe
 from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
-from ibrpipe.stages.reliefs import (
+from ibrpipe.modelling.relief_textures import (
     Plane,
     asset_from_reliefs,
     box_from_mesh,

@@ -11,7 +11,7 @@ from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.core.shift_range import range_around
 from ibrpipe.embree import MeshCaster
-from ibrpipe.stages.rectangles import Rectangle, passed
+from ibrpipe.modelling.rectangles import Rectangle, passed
 from ibrpipe.types import Array
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ibrpipe.stages.layers import enough_bits, quantize
+from ibrpipe.modelling.layers import enough_bits, quantize
 
 
 @pytest.mark.parametrize("reach", [0.01, 1.0, 37.0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ibrpipe.stages.rectangles import bounding_box
+from ibrpipe.modelling.rectangles import bounding_box
 from ibrpipe.synthetic.scene import joined_mesh
 from ibrpipe.synthetic.scenes import make_scene, scene_names
 from ibrpipe.synthetic.surfaces import tilt

@@ -7,8 +7,8 @@ import pytest
 from pydantic import ValidationError
 
 from ibrpipe.errors import ConfigError
-from ibrpipe.stages.layers import keep_rule, with_rim
-from ibrpipe.stages.rectangles import Rectangle, RectangleConfig, bounding_box, box_faces, sized
+from ibrpipe.modelling.layers import keep_rule, with_rim
+from ibrpipe.modelling.rectangles import Rectangle, RectangleConfig, bounding_box, box_faces, sized
 from ibrpipe.types import Camera, Mesh
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.layout import single_layer
-from ibrpipe.stages.frusta import Frustum
-from ibrpipe.stages.reliefs import clay
+from ibrpipe.modelling.frusta import Frustum
+from ibrpipe.modelling.relief_textures import clay
 from ibrpipe.types import Asset, Camera, DepthImage, LayeredDepthImage, Mesh, SpiralTexture
 
 

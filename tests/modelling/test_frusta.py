@@ -9,9 +9,11 @@ import yaml
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.pipeline_file import load_pipeline
 from ibrpipe.errors import ConfigError
-from ibrpipe.stages.frusta import Frustum, cube_frusta
-from ibrpipe.stages.plan import Inputs, PlanConfig, place, read_plan, run
-from ibrpipe.stages.rectangles import before_surface
+from ibrpipe.modelling.frusta import Frustum, cube_frusta
+from ibrpipe.modelling.plan_file import read_plan
+from ibrpipe.modelling.planning import PlanConfig, place
+from ibrpipe.modelling.rectangles import before_surface
+from ibrpipe.stages.plan import Inputs, run
 from ibrpipe.stages.registry import load_stages
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ibrpipe.core.diffuse_lookup import lookup_diffuse
 from ibrpipe.embree import MeshCaster
-from ibrpipe.stages.rectangles import Rectangle
+from ibrpipe.modelling.rectangles import Rectangle
 from ibrpipe.types import Array, Camera, LayeredDepthImage
 
 

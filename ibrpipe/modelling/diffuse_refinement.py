@@ -16,9 +16,9 @@ import numpy as np
 from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.embree import MeshCaster
+from ibrpipe.modelling.diffuse import DiffuseSource, diffuse_frame
+from ibrpipe.modelling.rectangles import Rectangle
 from ibrpipe.progress import track
-from ibrpipe.stages.diffuse import DiffuseSource, diffuse_frame
-from ibrpipe.stages.rectangles import Rectangle
 from ibrpipe.types import Array, LayeredDepthImage
 
 #: added to errors in display code, which then are positive, as the statistics of colours want them

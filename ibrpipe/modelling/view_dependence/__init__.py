@@ -1,0 +1,1 @@
+"""Fitting what changes with the view direction, a file a kind of component."""

@@ -1,0 +1,1 @@
+"""From photos with cameras to a surface: depth maps, their fusion, and the mesh."""
