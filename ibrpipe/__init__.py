@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from ibrpipe.io.assets import read_asset, write_asset
     from ibrpipe.io.captures import read_capture
     from ibrpipe.io.materials import read_relief_mesh, read_relief_meshes
-    from ibrpipe.relief_mesh import ReliefMesh
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
     from ibrpipe.renderers.composite import composite
     from ibrpipe.types import (
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
         SpiralResiduals,
         SpiralTexture,
     )
+    from ibrpipe.types.relief_mesh import ReliefMesh
 
 _HOME = {
     "Asset": "types",
@@ -33,7 +33,7 @@ _HOME = {
     "Frame": "types",
     "LayeredDepthImage": "types",
     "ParallelFrame": "types",
-    "ReliefMesh": "relief_mesh",
+    "ReliefMesh": "types.relief_mesh",
     "ReliefTexture": "types",
     "SpiralResiduals": "types",
     "SpiralTexture": "types",

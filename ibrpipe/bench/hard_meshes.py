@@ -24,10 +24,10 @@ from ibrpipe.bench.hard_results import Cell, Limits
 from ibrpipe.bench.measure import ASTRAY, DOUBTFUL, Errors, ends, ray_lengths
 from ibrpipe.bench.settings import Limit, Setting
 from ibrpipe.errors import IbrError
-from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.registry import find_renderer
 from ibrpipe.types import Array, Frame
+from ibrpipe.types.relief_mesh import ReliefMesh
 
 #: a lamp for the second picture of every cell, which must hold no NaN
 LAMP = (0.3, -0.4, 1.0, 0.0)

@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 
 from ibrpipe.bench.oracle import DOUBT, Truth, pixel_centers
-from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.types import Array, Camera
+from ibrpipe.types.relief_mesh import ReliefMesh
 
 CREASE_DEG = 40.0
 #: the averaged normal faces the eye at least this share as much as the polygon does

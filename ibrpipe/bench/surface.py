@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.layout import offsets_of
 from ibrpipe.renderers.fields import HeightField, build_field
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
+from ibrpipe.types.layers import offsets_of
 
 Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
 

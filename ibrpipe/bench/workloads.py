@@ -12,8 +12,8 @@ import numpy as np
 from ibrpipe.bench import oracle
 from ibrpipe.bench.surface import Surface, Texture, build_surface, first_layer
 from ibrpipe.embree import MeshCaster
-from ibrpipe.layout import offsets_of
 from ibrpipe.types import Array, Camera, LayeredDepthImage, Mesh, ParallelFrame, ReliefTexture, SpiralTexture
+from ibrpipe.types.layers import offsets_of
 
 #: heights of the synthetic height field, share of its width
 AMPLITUDE = 0.15

@@ -14,8 +14,8 @@ import numpy as np
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
 from ibrpipe.io.image_files import one_line
 from ibrpipe.io.images import FIXED_DATE
-from ibrpipe.layout import offsets_of
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame
+from ibrpipe.types.layers import offsets_of
 
 CHANNELS = ("R", "G", "B", "A", "Z", "N.x", "N.y", "N.z", "observers")
 FRAME = "ibrpipe:frame"

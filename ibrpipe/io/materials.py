@@ -13,8 +13,8 @@ from ibrpipe.io.image_files import read_stored
 from ibrpipe.io.mesh_materials import Textured, read_materials, read_textured
 from ibrpipe.io.relief_images import read_color, read_height, read_normals, read_relief_folder
 from ibrpipe.io.uv_maps import map_mesh
-from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.types import Array, Mesh
+from ibrpipe.types.relief_mesh import ReliefMesh
 
 #: thickness of a relief that is not told, as a share of the mean size of one texture on the mesh
 THICKNESS = 0.05

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrpipe.embree import MeshCaster
-from ibrpipe.layout import single_layer
 from ibrpipe.modelling.frusta import Frustum
 from ibrpipe.modelling.relief_textures import clay
 from ibrpipe.types import Asset, Camera, DepthImage, LayeredDepthImage, Mesh, SpiralTexture
+from ibrpipe.types.layers import single_layer
 
 
 def depth_images_asset(mesh: Mesh, frusta: Sequence[Frustum], size: int, made_from: str) -> Asset:

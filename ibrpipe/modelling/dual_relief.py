@@ -9,8 +9,8 @@ import numpy as np
 from ibrpipe.embree import Hits, MeshCaster
 from ibrpipe.errors import ValueRangeError
 from ibrpipe.io.materials import write_packed
-from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.types import Array, Mesh
+from ibrpipe.types.relief_mesh import ReliefMesh
 
 #: side -> axis looked along, its sign, then the world directions of the picture's right and down
 SIDES = {

@@ -13,7 +13,6 @@ import numpy as np
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
-from ibrpipe.layout import single_layer
 from ibrpipe.types import (
     Array,
     Asset,
@@ -24,6 +23,7 @@ from ibrpipe.types import (
     ReliefTexture,
     SpiralTexture,
 )
+from ibrpipe.types.layers import single_layer
 
 #: side of a mesh -> axis that is looked along, its sign, and the axes of columns and rows (rows go down the picture)
 SIDES = {

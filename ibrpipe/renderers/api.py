@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ibrpipe.errors import RendererError
-from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.renderers.registry import check_options, find_renderer, registered
 from ibrpipe.types import Asset, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
+from ibrpipe.types.relief_mesh import ReliefMesh
 
 #: what a frame can hold
 OUTPUTS = ("color", "depth", "alpha")

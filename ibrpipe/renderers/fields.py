@@ -12,8 +12,8 @@ import numpy as np
 
 from ibrpipe.core import patch_search, patches
 from ibrpipe.errors import RendererError
-from ibrpipe.layout import single_layer
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
+from ibrpipe.types.layers import single_layer
 
 #: steps between neighbours of unknown normal, in texels, above which they are not connected
 UNKNOWN_GAP = 4.0

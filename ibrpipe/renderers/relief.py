@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 
 from ibrpipe.core import relief_shade
 from ibrpipe.errors import RendererError
-from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.renderers.ldi import limited_threads
 from ibrpipe.renderers.relief_fields import Field, build_field
 from ibrpipe.renderers.relief_mesh import Look, MeshPart, build_mesh
 from ibrpipe.types import Array, Camera, Frame
+from ibrpipe.types.relief_mesh import ReliefMesh
 
 SEARCHES = ("exact", "linear-binary")
 

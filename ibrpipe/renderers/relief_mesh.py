@@ -16,9 +16,9 @@ from ibrpipe.core.relief_mesh_frames import FACE_SIZE, corner_frames, face_axes
 from ibrpipe.core.relief_mesh_tree import find_walls, fit_boxes, sort_faces
 from ibrpipe.core.texture_mips import build_mips
 from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
-from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.renderers.first_call import FirstCall, Kernel
 from ibrpipe.types import Array, Camera
+from ibrpipe.types.relief_mesh import ReliefMesh
 
 #: faces around a vertex that bend more than this do not share a normal
 CREASE = math.cos(math.radians(40.0))

@@ -21,10 +21,10 @@ from ibrpipe.io.paths import CameraPath, camera_path, is_orbit, parse_orbit
 from ibrpipe.io.video import write_video
 from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
-from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.renderers.api import prepare, render, renderers
 from ibrpipe.renderers.choice import Choice, choose
 from ibrpipe.types import Array, Asset, Camera
+from ibrpipe.types.relief_mesh import ReliefMesh
 
 Output = Literal["color", "depth", "alpha"]
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ibrpipe.bench.surface import Surface, Texture, build_surface
-from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.types import (
     Array,
     Camera,
@@ -20,6 +19,7 @@ from ibrpipe.types import (
     ParallelFrame,
     ReliefTexture,
 )
+from ibrpipe.types.relief_mesh import ReliefMesh
 
 GROUPS = {
     1: "where the eye is",

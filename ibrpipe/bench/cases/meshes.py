@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.bench.cases.case import MeshCase, MeshShot, Refusal, colors, look
-from ibrpipe.relief_mesh import ReliefMesh
 from ibrpipe.types import Array, Camera, Mesh
+from ibrpipe.types.relief_mesh import ReliefMesh
 
 NAN = float("nan")
 #: one square of two faces, its texture upright

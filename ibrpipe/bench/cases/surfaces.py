@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from ibrpipe.bench.cases.case import PLAIN, SHAPE, Case, Refusal, Shot, colors, frame_of, look, relief, rough
-from ibrpipe.layout import offsets_of
 from ibrpipe.types import Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture
+from ibrpipe.types.layers import offsets_of
 
 NAN = float("nan")
 

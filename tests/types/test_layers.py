@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ibrpipe.layout import offsets_of, single_layer
 from ibrpipe.types import ParallelFrame
+from ibrpipe.types.layers import offsets_of, single_layer
 
 
 def test_offsets_run_on_from_row_to_row():

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ibrpipe.errors import ShapeError, ValueRangeError
-from ibrpipe.types import Array, Mesh, _check_color, _view
+from ibrpipe.types.arrays import Array, check_color, contiguous
+from ibrpipe.types.mesh import Mesh
 
 EDGES = ("wrap", "cut")
 
@@ -60,7 +61,7 @@ class ReliefMesh:
 
     def __post_init__(self) -> None:
         count = len(self.mesh.faces)
-        uv = _view("uv", self.uv, np.float64, 3)
+        uv = contiguous("uv", self.uv, np.float64, 3)
         if uv.shape != (count, 3, 2):
             raise ShapeError(f"uv must be ({count}, 3, 2), one pair for every face corner, got {uv.shape}")
         if not np.isfinite(uv).all() or np.abs(uv).max() > 1e6:
@@ -77,17 +78,17 @@ class ReliefMesh:
             object.__setattr__(self, name, value)
         for name in ("color", "normal"):
             if getattr(self, name) is not None:
-                picture = _view(name, getattr(self, name), np.float32, 3)
+                picture = contiguous(name, getattr(self, name), np.float32, 3)
                 if picture.shape[2:] != (3,) or picture.size == 0:
                     raise ShapeError(f"{name} must be (H, W, 3), got {picture.shape}")
                 object.__setattr__(self, name, picture)
         if self.color is not None:
-            _check_color(self.color)
+            check_color(self.color)
         if self.normal is not None and not np.isfinite(self.normal).all():
             raise ValueRangeError("normal holds NaN or infinity; export the normal map again")
         for name in ("normals", "tangents"):
             if getattr(self, name) is not None:
-                vectors = _view(name, getattr(self, name), np.float32, 3)
+                vectors = contiguous(name, getattr(self, name), np.float32, 3)
                 if vectors.shape != (count, 3, 3) or not np.isfinite(vectors).all():
                     raise ShapeError(f"{name} must be ({count}, 3, 3), finite, got {vectors.shape}")
                 object.__setattr__(self, name, vectors)
@@ -98,7 +99,7 @@ class ReliefMesh:
 
 
 def _heights(name: str, value: ArrayLike) -> Array:
-    heights = _view(name, value, np.float32, 2)
+    heights = contiguous(name, value, np.float32, 2)
     if heights.size == 0:
         raise ShapeError(f"{name} has no texels, got shape {heights.shape}")
     if not (np.isfinite(heights).all() and heights.min() >= 0.0 and heights.max() <= 1.0):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame
+from ibrpipe.types.arrays import Array
+from ibrpipe.types.camera import Camera, ParallelFrame
+from ibrpipe.types.textures import LayeredDepthImage
 
 
 def offsets_of(counts: Array) -> Array:

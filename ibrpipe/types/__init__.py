@@ -1,0 +1,27 @@
+"""What the pipeline speaks of: cameras, frames of reference, textures, assets, rendered frames.
+
+Conventions (all of them are explained in ``docs/concepts.md``): OpenCV camera axes (x right, y down, z forward);
+``cam_from_world`` maps world points to camera points; the centre of pixel (0, 0) is at (0.5, 0.5); colour is linear
+light with Rec.709 primaries; rays and poses are float64, stored arrays float32; indices are int32 or int64.
+"""
+
+from ibrpipe.types.arrays import Array
+from ibrpipe.types.asset import Asset, Frame
+from ibrpipe.types.camera import Camera, ParallelFrame
+from ibrpipe.types.mesh import Mesh
+from ibrpipe.types.textures import DepthImage, LayeredDepthImage, ReliefTexture
+from ibrpipe.types.view_dependence import SpiralResiduals, SpiralTexture
+
+__all__ = [
+    "Array",
+    "Asset",
+    "Camera",
+    "DepthImage",
+    "Frame",
+    "LayeredDepthImage",
+    "Mesh",
+    "ParallelFrame",
+    "ReliefTexture",
+    "SpiralResiduals",
+    "SpiralTexture",
+]
