@@ -32,6 +32,7 @@ def contiguous(name: str, value: ArrayLike, dtype: Any, ndim: int) -> Array:
 
 
 def check_color(color: Array) -> None:
+    """Raise `ValueRangeError` where light is negative, NaN or infinite."""
     if not np.isfinite(color).all():
         raise ValueRangeError("color holds NaN or infinity; repair the image before making a texture of it")
     if color.size and color.min() < 0:
