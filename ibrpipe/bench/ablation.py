@@ -33,8 +33,8 @@ from ibrpipe.modelling.view_dependence.coding import code
 from ibrpipe.modelling.view_dependence.sample_sets import Samples, assemble, uncoded
 from ibrpipe.modelling.view_dependence.spiral import ResidualsConfig, refine, sample
 from ibrpipe.modelling.view_dependence.work_units import Context, Sources, context_of, forget
-from ibrpipe.renderers import residual_pass
 from ibrpipe.renderers.api import prepare, render
+from ibrpipe.renderers.view_dependence import spiral as residual_pass
 from ibrpipe.types import Array, Asset, Camera, SpiralResiduals, SpiralTexture
 
 #: linear picture (H, W, 3) of a camera

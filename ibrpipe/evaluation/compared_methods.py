@@ -13,7 +13,7 @@ from ibrpipe.evaluation.timing import Draw, Way
 from ibrpipe.io.frames import Frames
 from ibrpipe.io.views import View
 from ibrpipe.renderers.api import Prepared
-from ibrpipe.renderers.choice import Choice, choose
+from ibrpipe.renderers.renderer_spec import Choice, choose
 from ibrpipe.types import Asset, Camera, Frame
 
 #: what a timed frame holds

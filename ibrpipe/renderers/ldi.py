@@ -7,127 +7,27 @@ is hit, the two searches, and the departures from the paper stand in ``docs/rend
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cached_property
 from time import perf_counter
 from typing import Any
 
 import numba
 import numpy as np
 
-from ibrpipe.core import ldi_shade, patch_project, patch_search
+from ibrpipe.core import patch_project, patch_search
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers import residual_pass
 from ibrpipe.renderers.api import Prepared, Source
 from ibrpipe.renderers.api import prepare as prepare_source
-from ibrpipe.renderers.epipolar_maps import EYE, Map, cast_map, height_map
-from ibrpipe.renderers.fields import HeightField, PatchField, build_field
-from ibrpipe.renderers.patch_blocks import Blocks, pack_blocks
-from ibrpipe.renderers.pyramids import Sheet, build_sheets
-from ibrpipe.types import Array, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
+from ibrpipe.renderers.frames import limited_threads, make_frame
+from ibrpipe.renderers.scene import Hits, Scene, prepare, shade_hits
+from ibrpipe.renderers.search.epipolar_lines import EYE, cast_map
+from ibrpipe.renderers.view_dependence import spiral
+from ibrpipe.types import Array, Camera, Frame
 
-Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
+__all__ = ["Scene", "draw", "find_hits", "prepare", "render_progressive"]
 
 SEARCHES = ("auto", "patches", "lines", "quadtree")
 #: cells or patches per pixel above which `auto` asks the rays rather than the patches
 CROWDED = 16
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """All fields of a prepared source.
-
-    Patches of layered images are numbered in the order of `patches`; the cells of height fields follow.
-
-    Attributes
-    ----------
-    patches : tuple of (texture number, PatchField)
-    heights : tuple of (texture number, HeightField, number of its first cell)
-    residuals : Tables of the residual pass, or None
-    """
-
-    patches: tuple[tuple[int, PatchField], ...]
-    heights: tuple[tuple[int, HeightField, int], ...]
-    residuals: residual_pass.Tables | None
-
-    @property
-    def bytes(self) -> int:
-        """Bytes held beyond the sources."""
-        fields = [field for _, field in self.patches] + [field for _, field, _ in self.heights]
-        held = sum(field.bytes for field in fields) + sum(one.bytes for one in self.maps)
-        return held + (self.residuals.bytes if self.residuals else 0)
-
-    @property
-    def cells(self) -> int:
-        """Cells and patches of all fields."""
-        return int(self.firsts[-1]) + sum(field.cells for _, field, _ in self.heights)
-
-    @cached_property
-    def firsts(self) -> Array:
-        """(F + 1,) int64: number of every layered image's first patch."""
-        return np.cumsum([0] + [len(field.corners) for _, field in self.patches])
-
-    @cached_property
-    def records(self) -> tuple[Array, Array]:
-        """(P, 8) int32 column, row, field, 0, samples of every patch, and (S, 4) float32 colours; joined."""
-        fields = [field for _, field in self.patches]
-        shifts = np.cumsum([0] + [len(field.color) for field in fields])
-        records = np.zeros((int(self.firsts[-1]), 8), np.int32)
-        for number, field in enumerate(fields):
-            own = records[self.firsts[number] : self.firsts[number + 1]]
-            own[:, :2], own[:, 2] = field.cells, number
-            own[:, 4:] = np.where(field.samples >= 0, field.samples + shifts[number], -1)
-        return records, np.concatenate([field.color for field in fields])
-
-    @cached_property
-    def blocks(self) -> Blocks:
-        """All patches as the projecting search takes them."""
-        return pack_blocks([field for _, field in self.patches])
-
-    @cached_property
-    def pictures(self) -> list[Array]:
-        """Working memory of finished frames, for the next ones."""
-        return []
-
-    @cached_property
-    def maps(self) -> tuple[Map, ...]:
-        """Height fields with the bounds of their blocks, for the search along lines."""
-        made = (height_map(field, base) for _, field, base in self.heights)
-        return tuple(one for one in made if one is not None)
-
-    @cached_property
-    def sheets(self) -> list[Sheet]:
-        """Pyramids of all fields, for the ray search."""
-        parts = [build_sheets(field, int(n)) for (_, field), n in zip(self.patches, self.firsts, strict=False)]
-        parts += [build_sheets(field, base) for _, field, base in self.heights]
-        return [sheet for part in parts for sheet in part]
-
-
-@dataclass(frozen=True, eq=False)
-class Hits:
-    """Nearest hit of every pixel: camera depth (H, W) float32 (+inf = none) and number (H, W) uint32."""
-
-    depth: Array
-    ids: Array
-
-
-def prepare(textures: tuple[Texture, ...]) -> Scene:
-    """Build the fields of all textures, and the residual pass' tables where there are residuals."""
-    fields = [(number, build_field(texture)) for number, texture in enumerate(textures)]
-    layered = tuple((number, field) for number, field in fields if isinstance(field, PatchField))
-    base = sum(len(field.corners) for _, field in layered)
-    heights = []
-    for number, field in fields:
-        if isinstance(field, HeightField):
-            heights.append((number, field, base))
-            base += field.cells
-    if base >= 2**32 - 1:
-        raise RendererError(
-            f"the sources have {base} cells together; 4294967294 can be told apart: render fewer at once"
-        )
-    modelled = any(isinstance(texture, SpiralTexture) and texture.residuals is not None for texture in textures)
-    return Scene(layered, tuple(heights), residual_pass.prepare(textures) if modelled else None)
 
 
 def draw(
@@ -167,35 +67,11 @@ def _passes(
         if known is not None:
             stats["hits"] = int(np.count_nonzero(known))
         stats["milliseconds"] = 1e3 * (perf_counter() - began)
-        yield _frame(hits, color, known, outputs, stats)
+        yield make_frame(outputs, hits.depth, color, known, stats)
         if color is not None and known is not None and "color" in outputs and residuals and scene.residuals is not None:
-            stats["without_residual"] = residual_pass.add(scene.residuals, color, hits.depth, camera, known)
+            stats["without_residual"] = spiral.add(scene.residuals, color, hits.depth, camera, known)
             stats["milliseconds"] = 1e3 * (perf_counter() - began)
-            yield _frame(hits, color, known, outputs, stats)
-
-
-def _frame(
-    hits: Hits, color: Array | None, known: Array | None, outputs: tuple[str, ...], stats: dict[str, Any]
-) -> Frame:
-    return Frame(
-        color if "color" in outputs else None,
-        hits.depth if "depth" in outputs else None,
-        known if "alpha" in outputs else None,
-        dict(stats),
-    )
-
-
-@contextmanager
-def limited_threads(threads: int) -> Iterator[None]:
-    """Run the kernels of this block on `threads` threads (0 = as many as Numba has)."""
-    before, most = numba.get_num_threads(), numba.config.NUMBA_NUM_THREADS
-    if threads < 0 or threads > most:
-        raise RendererError(f"threads is {threads}; give 0 (all) or 1 to {most}")
-    numba.set_num_threads(threads or before)
-    try:
-        yield
-    finally:
-        numba.set_num_threads(before)
+            yield make_frame(outputs, hits.depth, color, known, stats)
 
 
 def find_hits(scene: Scene, camera: Camera, search: str = "auto") -> Hits:
@@ -275,17 +151,3 @@ def _project_heights(scene: Scene, camera: Camera, depth: Array, ids: Array) -> 
 def pack_rays(start: Array, turn: Array) -> Array:
     """(..., 16) float64: start (..., 4), then turn (..., 4, 3) row by row, for the projecting kernels."""
     return np.concatenate([start, turn.reshape(*turn.shape[:-2], 12)], axis=-1)
-
-
-def shade_hits(scene: Scene, hits: Hits, camera: Camera) -> tuple[Array, Array]:
-    """Return the view-independent colour (H, W, 3) of `hits` and where it is known (H, W), float32."""
-    color, known = np.zeros((*hits.depth.shape, 3), np.float32), np.zeros(hits.depth.shape, np.float32)
-    if scene.patches:
-        rays = [field.place.rays(camera) for _, field in scene.patches]
-        starts, turns = (np.stack(part) for part in zip(*rays, strict=True))
-        records, colors = scene.records
-        ldi_shade.shade_patches(hits.depth, hits.ids, records, starts, turns, colors, color, known)
-    for _, field, base in scene.heights:
-        start, turn = field.place.rays(camera)
-        ldi_shade.shade_heights(hits.depth, hits.ids, base, start, turn, field.color, color, known)
-    return color, known

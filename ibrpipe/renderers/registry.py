@@ -57,7 +57,7 @@ _RENDERERS = (
     ),
     Renderer(
         name="epipolar",
-        module="ibrpipe.renderers.epipolar",
+        module="ibrpipe.renderers.epipolar.renderer",
         summary="Inverse warp along whole epipolar lines, exact or with nearest or interpolated reference samples.",
         paper="schaufler1999",
         limits="Pinhole cameras; view-independent colour; nearest and linear searches use the first layer.",
@@ -69,7 +69,7 @@ _RENDERERS = (
     ),
     Renderer(
         name="prewarp",
-        module="ibrpipe.renderers.prewarp",
+        module="ibrpipe.renderers.prewarp.renderer",
         summary="1-D pre-warp of relief textures along rows and columns, then planar texture mapping.",
         paper="oliveira2000",
         limits="Parallel frames, first layer; sampled, so silhouettes are right to about a texel.",
@@ -99,7 +99,7 @@ _RENDERERS = (
     ),
     Renderer(
         name="relief",
-        module="ibrpipe.renderers.relief",
+        module="ibrpipe.renderers.relief.renderer",
         summary="Relief mapping of height fields and textured meshes, exactly or by linear and binary steps.",
         paper="policarpo2005",
         limits="Parallel frames, first layer; search='linear-binary' steps over thin features.",

@@ -14,21 +14,21 @@ import numpy as np
 from ibrpipe.core import splat
 from ibrpipe.core.patch_search import merge
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers import epipolar, ldi
-from ibrpipe.renderers.epipolar_samples import shade_raster
+from ibrpipe.renderers.epipolar.renderer import Maps, prepare
+from ibrpipe.renderers.epipolar.samples import shade_raster
+from ibrpipe.renderers.frames import limited_threads, make_frame
+from ibrpipe.renderers.scene import Hits
 from ibrpipe.types import Camera, Frame
 
-prepare = epipolar.prepare
+__all__ = ["draw", "prepare"]
 
 
-def draw(
-    maps: epipolar.Maps, camera: Camera, outputs: tuple[str, ...], footprint: float = 1.0, threads: int = 0
-) -> Frame:
+def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], footprint: float = 1.0, threads: int = 0) -> Frame:
     """Render one frame; see `ibrpipe.render`."""
     if not 0.0 <= footprint <= 16.0:
         raise RendererError(f"footprint is {footprint}; give 0 to 16 texels")
     began = perf_counter()
-    with ldi.limited_threads(threads):
+    with limited_threads(threads):
         hits = _splat(maps, camera, float(footprint))
         color, known = None, None
         if {"color", "alpha"} & set(outputs):
@@ -36,15 +36,10 @@ def draw(
             for base, raster in maps.rasters:
                 shade_raster(raster, camera, "nearest", base, hits, color, known)
     stats = {"milliseconds": 1e3 * (perf_counter() - began), "hits": int(np.isfinite(hits.depth).sum())}
-    return Frame(
-        color if "color" in outputs else None,
-        hits.depth if "depth" in outputs else None,
-        known if "alpha" in outputs else None,
-        stats,
-    )
+    return make_frame(outputs, hits.depth, color, known, stats)
 
 
-def _splat(maps: epipolar.Maps, camera: Camera, footprint: float) -> ldi.Hits:
+def _splat(maps: Maps, camera: Camera, footprint: float) -> Hits:
     chunks = numba.get_num_threads()
     depth = np.full((chunks, camera.height, camera.width), np.inf, np.float32)
     ids = np.full(depth.shape, 2**32 - 1, np.uint32)
@@ -55,4 +50,4 @@ def _splat(maps: epipolar.Maps, camera: Camera, footprint: float) -> ldi.Hits:
         )  # fmt: skip
     if chunks > 1:
         merge(depth, ids)
-    return ldi.Hits(depth[0], ids[0])
+    return Hits(depth[0], ids[0])

@@ -22,7 +22,7 @@ from ibrpipe.io.video import write_video
 from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render, renderers
-from ibrpipe.renderers.choice import Choice, choose
+from ibrpipe.renderers.renderer_spec import Choice, choose
 from ibrpipe.types import Array, Asset, Camera
 from ibrpipe.types.relief_mesh import ReliefMesh
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import ibrpipe
-from ibrpipe.renderers.prewarp_faces import plane_face, sight
-from ibrpipe.renderers.prewarp_passes import Settings, warp_face
-from ibrpipe.renderers.prewarp_source import build_relief
+from ibrpipe.renderers.prewarp.faces import plane_face, sight
+from ibrpipe.renderers.prewarp.passes import Settings, warp_face
+from ibrpipe.renderers.prewarp.source import build_relief
 from ibrpipe.types import Camera, ParallelFrame, ReliefTexture
 
 N = 1024

@@ -12,9 +12,9 @@ from prewarp_twin import mean_over_pixels, warp_cells, warp_plane, warp_wall
 import ibrpipe
 from ibrpipe.core import prewarp_area
 from ibrpipe.core import prewarp_equations as equations
-from ibrpipe.renderers.prewarp_faces import plane_face, sight, wall_face
-from ibrpipe.renderers.prewarp_passes import Settings, warp_face
-from ibrpipe.renderers.prewarp_source import build_relief
+from ibrpipe.renderers.prewarp.faces import plane_face, sight, wall_face
+from ibrpipe.renderers.prewarp.passes import Settings, warp_face
+from ibrpipe.renderers.prewarp.source import build_relief
 
 RNG = np.random.default_rng(5)
 

@@ -13,7 +13,7 @@ from ibrpipe.errors import ConfigError, IbrError
 from ibrpipe.io.assets import write_asset
 from ibrpipe.io.images import read_depth, read_image
 from ibrpipe.io.views import View, ViewSet, write_views
-from ibrpipe.renderers.choice import choose
+from ibrpipe.renderers.renderer_spec import choose
 from ibrpipe.stages.render import STAGE, Inputs, RenderConfig, run
 from ibrpipe.types import Asset, Camera, LayeredDepthImage, ParallelFrame, SpiralTexture
 

@@ -17,7 +17,7 @@ from ibrpipe.core.color import srgb_encode
 from ibrpipe.modelling.diffuse import diffuse_frame
 from ibrpipe.modelling.view_dependence.work_units import Context
 from ibrpipe.progress import track
-from ibrpipe.renderers import residual_pass
+from ibrpipe.renderers.view_dependence import spiral
 from ibrpipe.types import Array, SpiralTexture
 
 
@@ -48,7 +48,7 @@ def errors_in_batches(
     for p, held in track(_with_tables(batches), "refinement", len(photos.cameras)):
         camera = photos.cameras[p]
         color, depth, known = diffuse_frame(context.caster, context.diffuse, camera)
-        residual_pass.add(held[0], color, depth, camera)
+        spiral.add(held[0], color, depth, camera)
         own = slice(photos.starts[p], photos.starts[p] + depth.size)
         good = known.ravel() & (photos.mask[own] >= 0.5)
         error = photos.code[own] - srgb_encode(color.reshape(-1, 3), np.inf)
@@ -60,10 +60,10 @@ def errors_in_batches(
 
 def _with_tables(
     batches: Iterable[tuple[Sequence[int], Sequence[SpiralTexture]]],
-) -> Iterator[tuple[int, list[residual_pass.Tables]]]:
+) -> Iterator[tuple[int, list[spiral.Tables]]]:
     """Yield photos, each with a list that holds its tables; they are gone from it before the next batch is made."""
     for photos, textures in batches:
-        held = [dataclasses.replace(residual_pass.prepare(textures), coded=True)]
+        held = [dataclasses.replace(spiral.prepare(textures), coded=True)]
         del textures
         for photo in photos:
             yield photo, held

@@ -12,7 +12,7 @@ from ibrpipe.engine.memory_map import hand_back
 from ibrpipe.modelling.plan_file import TexturePlan
 from ibrpipe.modelling.view_dependence.spiral_images import spiral_images
 from ibrpipe.modelling.view_dependence.work_units import Context
-from ibrpipe.renderers import residual_pass
+from ibrpipe.renderers.view_dependence import spiral
 from ibrpipe.types import Array, SpiralResiduals, SpiralTexture
 
 #: bytes that a texel takes while photos are rendered: texels and validity, and both joined for the kernel
@@ -101,9 +101,7 @@ def in_batches(
         yield batch(0, len(photos), np.ones(len(area), bool))
         return
     nothing = [uncoded(context, s, closed, np.zeros(len(part), bool)) for s, part in zip(samples, areas, strict=True)]
-    tables = residual_pass.prepare(
-        [SpiralTexture(context.layers[s.which], r) for s, r in zip(samples, nothing, strict=True)]
-    )
+    tables = spiral.prepare([SpiralTexture(context.layers[s.which], r) for s, r in zip(samples, nothing, strict=True)])
     first, union = 0, np.zeros(len(area), bool)
     for photo in photos:
         needed = looked_up(context, tables, photo)
@@ -114,7 +112,7 @@ def in_batches(
     yield batch(first, len(photos), union)
 
 
-def looked_up(context: Context, tables: residual_pass.Tables, photo: int) -> Array:
+def looked_up(context: Context, tables: spiral.Tables, photo: int) -> Array:
     """(D,) bool: images of all textures that a render of the photo may read."""
     photos, camera = context.photos, context.photos.cameras[photo]
     start = photos.starts[photo]

@@ -12,9 +12,9 @@ from ibrpipe.core import relief_exact, relief_linear, relief_shade
 from ibrpipe.core.quadtree import EMPTY, STEPS
 from ibrpipe.core.relief_pyramid import build_pyramid
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.epipolar_maps import Map, cast_map, height_map
+from ibrpipe.renderers.background_compile import FirstCall, Kernel
 from ibrpipe.renderers.fields import HeightField, Place, _place
-from ibrpipe.renderers.first_call import FirstCall, Kernel
+from ibrpipe.renderers.search.epipolar_lines import Map, cast_map, height_map
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
 
 #: steps between neighbouring samples of a layered image, in texels, above which they are not joined

@@ -10,7 +10,7 @@ import numpy as np
 
 from ibrpipe.core import prewarp
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.prewarp_faces import Face, Sight
+from ibrpipe.renderers.prewarp.faces import Face, Sight
 from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
 
 #: steps between neighbouring samples of a layered image, in texels, above which they are not joined

@@ -14,13 +14,16 @@ from numba.core.sigutils import normalize_signature
 
 import ibrpipe
 import ibrpipe.types
-from ibrpipe.renderers import epipolar_maps, first_call, prewarp_passes, relief_fields, relief_mesh
-from ibrpipe.renderers.first_call import FirstCall, Kernel
+from ibrpipe.renderers import background_compile
+from ibrpipe.renderers.background_compile import FirstCall, Kernel
+from ibrpipe.renderers.prewarp import passes
+from ibrpipe.renderers.relief import height_fields, meshes
+from ibrpipe.renderers.search import epipolar_lines
 
 SMALL = Kernel("relief_shade", "place_hits", "(float32[:,::1], uint32[:,::1], uint32, float64[::1], float64[:,::1], "
                "float64[:,:,::1])")  # fmt: skip
 #: renderer -> what is compiled for it; `meanwhile` of the maps serves `relief`, too
-LISTED = {"prewarp": prewarp_passes.BESIDE, "relief": relief_fields.BESIDE, "ldi": epipolar_maps.BESIDE}
+LISTED = {"prewarp": passes.BESIDE, "relief": height_fields.BESIDE, "ldi": epipolar_lines.BESIDE}
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
@@ -44,16 +47,16 @@ def test_what_is_listed_for_meshes_is_what_a_frame_calls():
     mesh = ibrpipe.types.Mesh(corners, np.array([[0, 1, 2]]))
     source = ibrpipe.ReliefMesh(mesh, corners[None, :, :2], np.ones((3, 3)), 0.1)
     ibrpipe.render(source, ibrpipe.Camera.look_at((0, 0.1, 3), (0, 0, 0), width=16, height=12), "relief")
-    for kernel in (*relief_mesh.BESIDE.kernels, *relief_mesh.BESIDE.meanwhile):
+    for kernel in (*meshes.BESIDE.kernels, *meshes.BESIDE.meanwhile):
         called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
         assert normalize_signature(kernel.types)[0] in called, kernel.name
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 def test_colours_of_lines_in_relief_are_listed(monkeypatch):
-    monkeypatch.setattr(relief_fields, "LINES", 0)
+    monkeypatch.setattr(height_fields, "LINES", 0)
     test_what_is_listed_is_what_a_frame_calls("relief")
-    for kernel in epipolar_maps.BESIDE.meanwhile[1:]:
+    for kernel in epipolar_lines.BESIDE.meanwhile[1:]:
         called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
         assert normalize_signature(kernel.types)[0] in called, kernel.name
 
@@ -62,7 +65,7 @@ SCRIPT = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from ibrpipe.core import relief_shade
-from ibrpipe.renderers.first_call import FirstCall, is_cached
+from ibrpipe.renderers.background_compile import FirstCall, is_cached
 from test_first_call import SMALL
 beside = FirstCall((SMALL,))
 assert not is_cached(SMALL)
@@ -87,12 +90,12 @@ def test_second_process_fills_the_cache_that_the_first_loads(tmp_path):
 
 
 def test_without_a_second_process_nothing_is_waited_for(monkeypatch):
-    monkeypatch.setattr(first_call, "is_cached", lambda _: False)
+    monkeypatch.setattr(background_compile, "is_cached", lambda _: False)
 
     def fail(*_, **__):
         raise OSError("not permitted")
 
-    monkeypatch.setattr(first_call.subprocess, "Popen", fail)
+    monkeypatch.setattr(background_compile.subprocess, "Popen", fail)
     beside = FirstCall((SMALL,))
     beside.begin()
     beside.wait()

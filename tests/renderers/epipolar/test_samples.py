@@ -10,7 +10,7 @@ from kernel_runs import on_all_thread_counts
 import ibrpipe
 from ibrpipe.core import epipolar_lines as el
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers import epipolar_samples
+from ibrpipe.renderers.epipolar import samples
 from ibrpipe.types import Camera, DepthImage, ParallelFrame, ReliefTexture
 
 EYES = [(9, 7, 30), (-20, 8.3, 9.1), (8.2, -13, 5), (30, 24, 12), (8.6, 7.7, -20)]
@@ -41,7 +41,7 @@ def laid(source, camera):
     rows, columns = raster.depth.shape
     sectors, edges, _ = el.lay_lines(
         start, turn, raster.place.pixels(camera), (columns - 1, rows - 1), (camera.width, camera.height),
-        epipolar_samples.SPACING["nearest"], epipolar_samples.FINEST["nearest"], 0.0,
+        samples.SPACING["nearest"], samples.FINEST["nearest"], 0.0,
     )  # fmt: skip
     return raster, start, turn, sectors, edges
 

@@ -10,9 +10,9 @@ import numpy as np
 from ibrpipe.core import prewarp, prewarp_area, prewarp_columns, prewarp_pipelined
 from ibrpipe.core.prewarp import PAD
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.first_call import FirstCall, Kernel
-from ibrpipe.renderers.prewarp_faces import MOST, Face, Sight, source_range
-from ibrpipe.renderers.prewarp_source import Relief
+from ibrpipe.renderers.background_compile import FirstCall, Kernel
+from ibrpipe.renderers.prewarp.faces import MOST, Face, Sight, source_range
+from ibrpipe.renderers.prewarp.source import Relief
 from ibrpipe.types import Array
 
 #: magnification above which texels count as near the eye's plane

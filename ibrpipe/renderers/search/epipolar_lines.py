@@ -12,9 +12,9 @@ import numpy as np
 
 from ibrpipe.core import epipolar_bounds, epipolar_cast, epipolar_lines, epipolar_patches, epipolar_sweep, patches
 from ibrpipe.core.quadtree import STEPS, plan_levels
+from ibrpipe.renderers.background_compile import FirstCall, Kernel
+from ibrpipe.renderers.buffers import borrow
 from ibrpipe.renderers.fields import Field, HeightField, PatchField
-from ibrpipe.renderers.first_call import FirstCall, Kernel
-from ibrpipe.renderers.scratch import borrow
 from ibrpipe.types import Array, Camera
 
 #: greatest width of a line in the picture (pixels), least in the reference (cells), blocks per width of a line

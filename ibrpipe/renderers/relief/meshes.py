@@ -16,7 +16,7 @@ from ibrpipe.core.relief_mesh_frames import FACE_SIZE, corner_frames, face_axes
 from ibrpipe.core.relief_mesh_tree import find_walls, fit_boxes, sort_faces
 from ibrpipe.core.texture_mips import build_mips
 from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
-from ibrpipe.renderers.first_call import FirstCall, Kernel
+from ibrpipe.renderers.background_compile import FirstCall, Kernel
 from ibrpipe.types import Array, Camera
 from ibrpipe.types.relief_mesh import ReliefMesh
 

@@ -19,7 +19,7 @@ from numba.core.sigutils import normalize_signature
 
 from ibrpipe.core import jit
 
-PROGRAM = "import sys; from ibrpipe.renderers.first_call import compile_named; compile_named(sys.argv[1:])"
+PROGRAM = "import sys; from ibrpipe.renderers.background_compile import compile_named; compile_named(sys.argv[1:])"
 #: seconds after which the second process is no longer waited for
 PATIENCE = 60.0
 

@@ -16,11 +16,11 @@ import numpy as np
 from ibrpipe.core import prewarp_area, prewarp_view
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers import ldi
-from ibrpipe.renderers.ldi import limited_threads
-from ibrpipe.renderers.prewarp_box import Box, draw_box, find_box
-from ibrpipe.renderers.prewarp_faces import Face, Sight, plane_face, sight, wall_face, wide_plane, wide_wall
-from ibrpipe.renderers.prewarp_passes import BESIDE, Settings, warp_face, warp_face_by_area
-from ibrpipe.renderers.prewarp_source import Relief, build_relief
+from ibrpipe.renderers.frames import limited_threads, make_frame
+from ibrpipe.renderers.prewarp.box import Box, draw_box, find_box
+from ibrpipe.renderers.prewarp.faces import Face, Sight, plane_face, sight, wall_face, wide_plane, wide_wall
+from ibrpipe.renderers.prewarp.passes import BESIDE, Settings, warp_face, warp_face_by_area
+from ibrpipe.renderers.prewarp.source import Relief, build_relief
 from ibrpipe.types import Array, Camera, Frame
 
 METHODS = ("two-pass", "pipelined")
@@ -170,12 +170,7 @@ def draw(
         "quads": shown or canvas.faces,
         "milliseconds": 1e3 * (perf_counter() - began),
     }
-    return Frame(
-        color if "color" in outputs else None,
-        depth if "depth" in outputs else None,
-        alpha if "alpha" in outputs else None,
-        stats,
-    )
+    return make_frame(outputs, depth, color, alpha, stats)
 
 
 def _draw_relief(relief: Relief, camera: Camera, settings: Settings, canvas: Canvas) -> None:

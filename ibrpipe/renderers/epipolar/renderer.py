@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers import ldi
-from ibrpipe.renderers.epipolar_maps import EYE, Map, cast_map, patch_map
-from ibrpipe.renderers.epipolar_samples import Raster, build_raster, cast_raster, shade_raster
+from ibrpipe.renderers.buffers import borrow
+from ibrpipe.renderers.epipolar.samples import Raster, build_raster, cast_raster, shade_raster
 from ibrpipe.renderers.fields import Field, PatchField
-from ibrpipe.renderers.scratch import borrow
+from ibrpipe.renderers.frames import limited_threads, make_frame
+from ibrpipe.renderers.scene import Hits, Scene, shade_hits
+from ibrpipe.renderers.scene import prepare as prepare_scene
+from ibrpipe.renderers.search.epipolar_lines import EYE, Map, cast_map, patch_map
 from ibrpipe.types import Array, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
 
 Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
@@ -30,7 +32,7 @@ SEARCHES = ("exact", "nearest", "linear")
 class Maps:
     """All maps of a prepared source; `scene` knows their colours."""
 
-    scene: ldi.Scene
+    scene: Scene
     maps: tuple[Map, ...]
     textures: tuple[Texture, ...]
 
@@ -51,7 +53,7 @@ class Maps:
 def prepare(textures: tuple[Texture, ...]) -> Maps:
     """Build the fields of all textures and the bounds of their blocks."""
     plain = tuple(texture.layers if isinstance(texture, SpiralTexture) else texture for texture in textures)
-    scene = ldi.prepare(plain)
+    scene = prepare_scene(plain)
     layered = [patch_map(field, int(n)) for (_, field), n in zip(scene.patches, scene.firsts, strict=False)]
     return Maps(scene, (*(one for one in layered if one is not None), *scene.maps), plain)
 
@@ -62,32 +64,27 @@ def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], search: str = "ex
         raise RendererError(f"search is {search!r}; choose among: {', '.join(SEARCHES)}")
     began = perf_counter()
     stats: dict[str, Any] = {"rays": camera.width * camera.height}
-    with ldi.limited_threads(threads):
+    with limited_threads(threads):
         hits = find_hits(maps, camera, search, stats)
         color, known = None, None
         if {"color", "alpha"} & set(outputs):
             color, known = _shade(maps, hits, camera, search)
             stats["hits"] = int(np.count_nonzero(known))
     stats["milliseconds"] = 1e3 * (perf_counter() - began)
-    return Frame(
-        color if "color" in outputs else None,
-        hits.depth if "depth" in outputs else None,
-        known if "alpha" in outputs else None,
-        stats,
-    )
+    return make_frame(outputs, hits.depth, color, known, stats)
 
 
-def _shade(maps: Maps, hits: ldi.Hits, camera: Camera, search: str) -> tuple[Array, Array]:
+def _shade(maps: Maps, hits: Hits, camera: Camera, search: str) -> tuple[Array, Array]:
     """Return colour (H, W, 3) of hits and where it is known (H, W), float32."""
     if search == "exact":
-        return ldi.shade_hits(maps.scene, hits, camera)
+        return shade_hits(maps.scene, hits, camera)
     color, known = np.zeros((*hits.depth.shape, 3), np.float32), np.zeros(hits.depth.shape, np.float32)
     for base, raster in maps.rasters:
         shade_raster(raster, camera, search, base, hits, color, known)
     return color, known
 
 
-def find_hits(maps: Maps, camera: Camera, search: str = "exact", stats: dict[str, Any] | None = None) -> ldi.Hits:
+def find_hits(maps: Maps, camera: Camera, search: str = "exact", stats: dict[str, Any] | None = None) -> Hits:
     """Find the nearest hit of every pixel's ray over all maps; the numbers of hits are valid until the next call."""
     depth = np.full((camera.height, camera.width), np.inf, np.float32)
     ids = borrow("epipolar hits", depth.size, np.uint32, 2**32 - 1).reshape(depth.shape)
@@ -100,4 +97,4 @@ def find_hits(maps: Maps, camera: Camera, search: str = "exact", stats: dict[str
             lines += cast_raster(raster, camera, search, base, depth, ids)
     if stats is not None:
         stats["lines"] = lines
-    return ldi.Hits(depth, ids)
+    return Hits(depth, ids)

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.core import prewarp, prewarp_view
-from ibrpipe.renderers.prewarp_faces import Face, Sight, rectangle_face, sight
-from ibrpipe.renderers.prewarp_passes import Settings, warp_face
-from ibrpipe.renderers.prewarp_source import Relief
+from ibrpipe.renderers.prewarp.faces import Face, Sight, rectangle_face, sight
+from ibrpipe.renderers.prewarp.passes import Settings, warp_face
+from ibrpipe.renderers.prewarp.source import Relief
 from ibrpipe.types import Array, Camera, ParallelFrame
 
 #: greatest number of pixels of a quadrilateral's picture per texel, along a side

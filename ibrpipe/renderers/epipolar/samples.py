@@ -9,8 +9,8 @@ import numba
 import numpy as np
 
 from ibrpipe.core import epipolar_lines, epipolar_near, epipolar_samples, epipolar_sweep
+from ibrpipe.renderers.buffers import borrow
 from ibrpipe.renderers.fields import UNKNOWN_GAP, Field, HeightField, Place
-from ibrpipe.renderers.scratch import borrow
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ReliefTexture
 
 #: greatest width of a line in the picture (pixels), least in the reference (texels)

@@ -12,7 +12,7 @@ from kernel_runs import on_all_thread_counts
 
 import ibrpipe
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.prewarp import projected_level
+from ibrpipe.renderers.prewarp.renderer import projected_level
 
 N = 96
 

@@ -10,7 +10,7 @@ from kernel_runs import on_all_thread_counts
 from ibrpipe.core import spiral
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.residual_pass import add, prepare
+from ibrpipe.renderers.view_dependence.spiral import add, prepare
 from ibrpipe.types import Camera, LayeredDepthImage, ParallelFrame, SpiralResiduals, SpiralTexture
 
 LOW = ParallelFrame((-1, -1, -1), (2, 0, 0), (0, 2, 0), (0, 0, 1))

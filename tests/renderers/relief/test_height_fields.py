@@ -8,7 +8,7 @@ import pytest
 import relief_twin
 
 import ibrpipe
-from ibrpipe.renderers import relief_fields
+from ibrpipe.renderers.relief import height_fields
 from ibrpipe.types import Asset, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
 
 PLAIN = ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
@@ -64,7 +64,7 @@ def test_large_fields_are_searched_along_lines_and_equal_brute_force(frame, monk
         camera = Camera.look_at(target + 2.5 * np.array(way), target, width=44, height=36)
         marched = ibrpipe.render(source, camera, "relief")
         with monkeypatch.context() as patch:
-            patch.setattr(relief_fields, "LINES", 0)
+            patch.setattr(height_fields, "LINES", 0)
             assert ibrpipe.prepare(source, "relief").data.parts[0].lines is not None
             frame_of_lines = check(source, camera)
         same = np.isclose(frame_of_lines.depth, marched.depth, rtol=1e-5)

@@ -9,7 +9,7 @@ from kernel_runs import on_all_thread_counts
 
 import ibrpipe
 from ibrpipe.core import epipolar_lines
-from ibrpipe.renderers import epipolar_maps
+from ibrpipe.renderers.search import epipolar_lines as epipolar_maps
 from ibrpipe.types import Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture
 
 PLAIN = ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))

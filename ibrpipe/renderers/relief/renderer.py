@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 
 from ibrpipe.core import relief_shade
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.ldi import limited_threads
-from ibrpipe.renderers.relief_fields import Field, build_field
-from ibrpipe.renderers.relief_mesh import Look, MeshPart, build_mesh
+from ibrpipe.renderers.frames import limited_threads, make_frame
+from ibrpipe.renderers.relief.height_fields import Field, build_field
+from ibrpipe.renderers.relief.meshes import Look, MeshPart, build_mesh
 from ibrpipe.types import Array, Camera, Frame
 from ibrpipe.types.relief_mesh import ReliefMesh
 
@@ -77,12 +77,7 @@ def draw(
     stats: dict[str, Any] = {"rays": depth.size, "milliseconds": 1e3 * (perf_counter() - began)}
     if alpha is not None:
         stats["hits"] = int(np.count_nonzero(alpha))
-    return Frame(
-        color if "color" in outputs else None,
-        depth if "depth" in outputs else None,
-        alpha if "alpha" in outputs else None,
-        stats,
-    )
+    return make_frame(outputs, depth, color, alpha, stats)
 
 
 def _draw_field(

@@ -1,0 +1,1 @@
+"""The `epipolar` renderer: inverse warping along whole epipolar lines (schaufler1999)."""

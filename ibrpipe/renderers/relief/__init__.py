@@ -1,0 +1,1 @@
+"""The `relief` renderer: height fields and relief-mapped meshes, ray by ray (policarpo2005)."""

@@ -1,0 +1,129 @@
+"""All fields of a prepared source, what a search found in them, and the colours of what was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ibrpipe.core import ldi_shade
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers.fields import HeightField, PatchField, build_field
+from ibrpipe.renderers.search.epipolar_lines import Map, height_map
+from ibrpipe.renderers.search.patches import Blocks, pack_blocks
+from ibrpipe.renderers.search.quadtree import Sheet, build_sheets
+from ibrpipe.renderers.view_dependence import spiral
+from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ReliefTexture, SpiralTexture
+
+Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All fields of a prepared source.
+
+    Patches of layered images are numbered in the order of `patches`; the cells of height fields follow.
+
+    Attributes
+    ----------
+    patches : tuple of (texture number, PatchField)
+    heights : tuple of (texture number, HeightField, number of its first cell)
+    residuals : Tables of the residual pass, or None
+    """
+
+    patches: tuple[tuple[int, PatchField], ...]
+    heights: tuple[tuple[int, HeightField, int], ...]
+    residuals: spiral.Tables | None
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held beyond the sources."""
+        fields = [field for _, field in self.patches] + [field for _, field, _ in self.heights]
+        held = sum(field.bytes for field in fields) + sum(one.bytes for one in self.maps)
+        return held + (self.residuals.bytes if self.residuals else 0)
+
+    @property
+    def cells(self) -> int:
+        """Cells and patches of all fields."""
+        return int(self.firsts[-1]) + sum(field.cells for _, field, _ in self.heights)
+
+    @cached_property
+    def firsts(self) -> Array:
+        """(F + 1,) int64: number of every layered image's first patch."""
+        return np.cumsum([0] + [len(field.corners) for _, field in self.patches])
+
+    @cached_property
+    def records(self) -> tuple[Array, Array]:
+        """(P, 8) int32 column, row, field, 0, samples of every patch, and (S, 4) float32 colours; joined."""
+        fields = [field for _, field in self.patches]
+        shifts = np.cumsum([0] + [len(field.color) for field in fields])
+        records = np.zeros((int(self.firsts[-1]), 8), np.int32)
+        for number, field in enumerate(fields):
+            own = records[self.firsts[number] : self.firsts[number + 1]]
+            own[:, :2], own[:, 2] = field.cells, number
+            own[:, 4:] = np.where(field.samples >= 0, field.samples + shifts[number], -1)
+        return records, np.concatenate([field.color for field in fields])
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """All patches as the projecting search takes them."""
+        return pack_blocks([field for _, field in self.patches])
+
+    @cached_property
+    def pictures(self) -> list[Array]:
+        """Working memory of finished frames, for the next ones."""
+        return []
+
+    @cached_property
+    def maps(self) -> tuple[Map, ...]:
+        """Height fields with the bounds of their blocks, for the search along lines."""
+        made = (height_map(field, base) for _, field, base in self.heights)
+        return tuple(one for one in made if one is not None)
+
+    @cached_property
+    def sheets(self) -> list[Sheet]:
+        """Pyramids of all fields, for the ray search."""
+        parts = [build_sheets(field, int(n)) for (_, field), n in zip(self.patches, self.firsts, strict=False)]
+        parts += [build_sheets(field, base) for _, field, base in self.heights]
+        return [sheet for part in parts for sheet in part]
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Nearest hit of every pixel: camera depth (H, W) float32 (+inf = none) and number (H, W) uint32."""
+
+    depth: Array
+    ids: Array
+
+
+def prepare(textures: tuple[Texture, ...]) -> Scene:
+    """Build the fields of all textures, and the residual pass' tables where there are residuals."""
+    fields = [(number, build_field(texture)) for number, texture in enumerate(textures)]
+    layered = tuple((number, field) for number, field in fields if isinstance(field, PatchField))
+    base = sum(len(field.corners) for _, field in layered)
+    heights = []
+    for number, field in fields:
+        if isinstance(field, HeightField):
+            heights.append((number, field, base))
+            base += field.cells
+    if base >= 2**32 - 1:
+        raise RendererError(
+            f"the sources have {base} cells together; 4294967294 can be told apart: render fewer at once"
+        )
+    modelled = any(isinstance(texture, SpiralTexture) and texture.residuals is not None for texture in textures)
+    return Scene(layered, tuple(heights), spiral.prepare(textures) if modelled else None)
+
+
+def shade_hits(scene: Scene, hits: Hits, camera: Camera) -> tuple[Array, Array]:
+    """Return the view-independent colour (H, W, 3) of `hits` and where it is known (H, W), float32."""
+    color, known = np.zeros((*hits.depth.shape, 3), np.float32), np.zeros(hits.depth.shape, np.float32)
+    if scene.patches:
+        rays = [field.place.rays(camera) for _, field in scene.patches]
+        starts, turns = (np.stack(part) for part in zip(*rays, strict=True))
+        records, colors = scene.records
+        ldi_shade.shade_patches(hits.depth, hits.ids, records, starts, turns, colors, color, known)
+    for _, field, base in scene.heights:
+        start, turn = field.place.rays(camera)
+        ldi_shade.shade_heights(hits.depth, hits.ids, base, start, turn, field.color, color, known)
+    return color, known

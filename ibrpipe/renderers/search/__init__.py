@@ -1,0 +1,1 @@
+"""Searches that several renderers share: epipolar lines, quadtrees, projected patches."""

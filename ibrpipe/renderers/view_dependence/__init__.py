@@ -1,0 +1,1 @@
+"""Adding what changes with the view direction to a frame, a file a kind of component."""
