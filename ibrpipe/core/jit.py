@@ -40,21 +40,26 @@ def _cache_root() -> str:
     return os.path.join(base, "ibrpipe")
 
 
+def _file_of(module: str) -> str | None:
+    """File of a module of this package by its dotted name below the package; None where there is none."""
+    file = os.path.join(_HERE, *module.split(".")) + ".py"
+    return file if os.path.exists(file) else None
+
+
 @functools.cache
 def _imported_kernels(path: str) -> tuple[str, ...]:
-    """Files of the kernel modules that the module at `path` imports."""
+    """Files of the kernel modules that the module at `path` imports, whether it names the module or what is in it."""
     with open(path, "rb") as source:
         tree = ast.parse(source.read())
     names: set[str] = set()
     for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module == _PACKAGE:
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith(_PACKAGE + "."):
-            names.add(str(node.module).rpartition(".")[2])
+        if isinstance(node, ast.ImportFrom) and f"{node.module}.".startswith(_PACKAGE + "."):
+            names.add(str(node.module))
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Import):
-            names.update(alias.name.rpartition(".")[2] for alias in node.names if alias.name.startswith(_PACKAGE + "."))
-    files = (os.path.join(_HERE, name + ".py") for name in sorted(names))
-    return tuple(file for file in files if os.path.exists(file))
+            names.update(alias.name for alias in node.names)
+    below = (name.removeprefix(_PACKAGE + ".") for name in sorted(names) if name.startswith(_PACKAGE + "."))
+    return tuple(file for file in map(_file_of, below) if file is not None)
 
 
 @functools.cache
@@ -75,7 +80,7 @@ def _source_digest(path: str) -> str:
 @functools.cache
 def _cache_folder(path: str) -> str | None:
     """Folder for the compiled code of the module at `path`; None where nothing can be written."""
-    name = os.path.splitext(os.path.basename(path))[0]
+    name = os.path.splitext(os.path.relpath(path, _HERE))[0].replace(os.sep, ".")
     folder = os.path.join(_cache_root(), f"{name}-{_source_digest(path)}")
     try:
         os.makedirs(folder, exist_ok=True)

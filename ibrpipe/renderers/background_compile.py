@@ -26,7 +26,7 @@ PATIENCE = 60.0
 
 @dataclass(frozen=True)
 class Kernel:
-    """A kernel by its module in `ibrpipe.core`, its name, and the types of its arguments as Numba writes them."""
+    """A kernel by its module below `ibrpipe.core`, dotted, its name, and the types of its arguments as Numba writes them."""
 
     module: str
     name: str
@@ -89,8 +89,9 @@ class FirstCall:
 
 def is_cached(kernel: Kernel) -> bool:
     """Whether compiled code of a kernel lies in the cache; True, too, where there is no cache."""
-    folder = jit._cache_folder(str(Path(jit.__file__).with_name(f"{kernel.module}.py")))
-    return folder is None or any(Path(folder).rglob(f"{kernel.module}.{kernel.name}-*.nbi"))
+    file = Path(jit.__file__).parent.joinpath(*kernel.module.split(".")).with_suffix(".py")
+    folder = jit._cache_folder(str(file))
+    return folder is None or any(Path(folder).rglob(f"{file.stem}.{kernel.name}-*.nbi"))
 
 
 def compile_named(names: Sequence[str]) -> None:

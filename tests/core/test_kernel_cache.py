@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -9,11 +10,15 @@ import pytest
 from ibrpipe.core import jit
 
 
+CORE = Path(jit.__file__).parent
+
+
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "leaf.py").write_text("x = 1\n")
-    (tmp_path / "middle.py").write_text("from ibrpipe.core.leaf import x\n")
-    (tmp_path / "top.py").write_text("from ibrpipe.core import middle as m\n")
+    (tmp_path / "method").mkdir()
+    (tmp_path / "method" / "middle.py").write_text("from ibrpipe.core.leaf import x\n")
+    (tmp_path / "top.py").write_text("from ibrpipe.core.method import middle as m\n")
     (tmp_path / "other.py").write_text("y = 1\n")
     monkeypatch.setattr(jit, "_HERE", str(tmp_path))
     return tmp_path
@@ -29,6 +34,22 @@ def test_an_edit_two_imports_away_is_seen(package: Path) -> None:
     before = digest(package / "top.py")
     (package / "leaf.py").write_text("x = 2\n")
     assert digest(package / "top.py") != before
+
+
+def test_kernels_of_a_method_see_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    copy = tmp_path / "core"
+    shutil.copytree(CORE, copy)
+    monkeypatch.setattr(jit, "_HERE", str(copy))
+    before = digest(copy / "epipolar" / "cast.py")
+    lines = copy / "epipolar" / "lines.py"
+    lines.write_text(lines.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    assert digest(copy / "epipolar" / "cast.py") != before
+
+
+@pytest.mark.parametrize("statement", ["import ibrpipe.core.method.middle", "from ibrpipe.core.method.middle import x"])
+def test_every_form_of_import_is_followed(package: Path, statement: str) -> None:
+    (package / "top.py").write_text(statement + "\n")
+    test_an_edit_two_imports_away_is_seen(package)
 
 
 def test_an_edit_elsewhere_is_not(package: Path) -> None:

@@ -66,7 +66,7 @@ import sys
 sys.path.insert(0, sys.argv[1])
 from ibrpipe.core import relief_shade
 from ibrpipe.renderers.background_compile import FirstCall, is_cached
-from test_first_call import SMALL
+from test_background_compile import SMALL
 beside = FirstCall((SMALL,))
 assert not is_cached(SMALL)
 beside.begin()
