@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrpipe.core import spiral
 from ibrpipe.core.color import srgb_decode
-from ibrpipe.core.spiral_lookup import neighbours
+from ibrpipe.core.spiral import directions
+from ibrpipe.core.spiral.lookup import neighbours
 from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, ConfigError, IbrError
 from ibrpipe.evaluation.baselines import camera_rays, render_ulr
@@ -180,7 +180,7 @@ def _directions(context: Context, closed: bool) -> Shot:
 
     Of all planned textures the one whose rectangle the view ray passes most steeply is asked.
     """
-    alphas = {plan.k: spiral.table(plan.k, closed) for plan in context.plans}
+    alphas = {plan.k: directions.table(plan.k, closed) for plan in context.plans}
 
     def shot(camera: Camera) -> Array:
         hits = context.caster.cast_camera(camera)
@@ -207,11 +207,11 @@ def around(plan: TexturePlan, alphas: Array, closed: bool, toward: Array) -> tup
     """World directions (N, 4, 3) and weights (N, 4) of the spiral samples around unit directions (N, 3)."""
     frame = plan.rectangle.edges
     basis = np.stack([frame.a / np.linalg.norm(frame.a), frame.b / np.linalg.norm(frame.b), -frame.f])
-    limit, closing = (spiral.LIMIT, spiral.closing_count(plan.k)) if closed else (np.pi / 2, 0)
+    limit, closing = (directions.LIMIT, directions.closing_count(plan.k)) if closed else (np.pi / 2, 0)
     indices, weights = np.zeros((len(toward), 4), np.int64), np.zeros((len(toward), 4))
     for i, (x, y, z) in enumerate(toward @ basis.T):
         neighbours(x, y, z, alphas, 0, len(alphas), plan.k, limit, closing, indices[i], weights[i])
-    return (spiral.directions(alphas, plan.k, limit) @ basis)[indices], weights
+    return (directions.directions(alphas, plan.k, limit) @ basis)[indices], weights
 
 
 def _mixed(context: Context, points: Array, normals: Array, ways: Array, weights: Array) -> Array:

@@ -11,8 +11,8 @@ import numpy as np
 
 from ibrpipe.calibration.features import coded_grey
 from ibrpipe.calibration.job import PhotoEntry
+from ibrpipe.core.reconstruction.triangulation import triangulate_agreed
 from ibrpipe.core.similarity import fit_places, spread
-from ibrpipe.core.triangulation import triangulate_agreed
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.colmap_write import ModelImage, SparseModel
 from ibrpipe.io.image_files import read_stored

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrpipe.core.appearance.diffuse import diffuse_colors
+from ibrpipe.core.appearance.photo_blend import blend_photos
 from ibrpipe.core.color import srgb_decode, srgb_encode
-from ibrpipe.core.histogram import diffuse_colors
-from ibrpipe.core.photo_blend import blend_photos
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.views import View, load_view

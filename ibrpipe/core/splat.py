@@ -8,7 +8,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.jit import kernel
-from ibrpipe.core.patch_search import improve
+from ibrpipe.core.ldi.project_heights import improve
 
 
 @kernel

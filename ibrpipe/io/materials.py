@@ -209,7 +209,7 @@ def write_packed(source: ReliefMesh, path: Path, bits: int = 16) -> None:
     """
     import cv2
 
-    from ibrpipe.core.relief_map import slopes
+    from ibrpipe.core.relief_mesh.map import slopes
 
     rows, columns = source.height.shape
     normal = source.normal

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.capture.photo_set import PhotoSet
+from ibrpipe.core.appearance.shift_range import range_around
 from ibrpipe.core.color import srgb_encode
-from ibrpipe.core.shift_range import range_around
 from ibrpipe.embree import MeshCaster
 from ibrpipe.modelling.rectangles import Rectangle, passed
 from ibrpipe.types import Array

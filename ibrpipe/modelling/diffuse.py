@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrpipe.core.diffuse_lookup import lookup_diffuse
+from ibrpipe.core.appearance.diffuse_lookup import lookup_diffuse
 from ibrpipe.embree import MeshCaster
 from ibrpipe.modelling.rectangles import Rectangle
 from ibrpipe.types import Array, Camera, LayeredDepthImage

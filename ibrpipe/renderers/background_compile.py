@@ -26,7 +26,7 @@ PATIENCE = 60.0
 
 @dataclass(frozen=True)
 class Kernel:
-    """A kernel by its module below `ibrpipe.core`, dotted, its name, and the types of its arguments as Numba writes them."""
+    """A kernel by its module below `ibrpipe.core`, its name, and the types of its arguments as Numba writes them."""
 
     module: str
     name: str

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ibrpipe.core import patch_search, patches
+from ibrpipe.core.ldi import patches, project_heights
 from ibrpipe.errors import RendererError
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
 from ibrpipe.types.layers import single_layer
@@ -166,14 +166,14 @@ def _place(frame: ParallelFrame | Camera, first: float) -> Place:
 
 def _height_field(source: ReliefTexture) -> HeightField:
     rows, columns = source.height.shape[0] - 1, source.height.shape[1] - 1
-    blocks = (-(-rows // patch_search.BLOCK_ROWS), -(-columns // patch_search.BLOCK_COLUMNS))
+    blocks = (-(-rows // project_heights.BLOCK_ROWS), -(-columns // project_heights.BLOCK_COLUMNS))
     low, high = np.empty(blocks, np.float32), np.empty(blocks, np.float32)
-    patch_search.bound_blocks(source.height, low, high)
+    project_heights.bound_blocks(source.height, low, high)
     return HeightField(_place(source.frame, 0.5), source.height, source.color, low, high)
 
 
 def _steps(layers: LayeredDepthImage) -> tuple[Array, Array, Array]:
-    """Return (depth (S,), step (2, S), margin (2, 2)) in field depth; see :mod:`ibrpipe.core.patches`."""
+    """Return (depth (S,), step (2, S), margin (2, 2)) in field depth; see :mod:`ibrpipe.core.ldi.patches`."""
     frame, normal = layers.frame, layers.normal.astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         if isinstance(frame, ParallelFrame):

@@ -13,7 +13,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from ibrpipe.core import patch_project, patch_search
+from ibrpipe.core.ldi import project, project_heights
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.api import Prepared, Source
 from ibrpipe.renderers.api import prepare as prepare_source
@@ -121,11 +121,11 @@ def _project(scene: Scene, camera: Camera) -> tuple[Array, Array]:
     if len(memory) < parts * columns * rows:
         memory = np.empty(parts * columns * rows, np.int64)
     keys = memory[: parts * columns * rows].reshape(parts, columns * rows)
-    patch_project.project_patches(
+    project.project_patches(
         *scene.blocks.arrays, pixels, pack_rays(starts, turns), eyes, signs, perspective, columns, rows, keys
     )
     depth, ids = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.uint32)
-    patch_project.merge_pictures(keys, columns, depth, ids)
+    project.merge_pictures(keys, columns, depth, ids)
     scene.pictures.append(memory)
     return depth, ids
 
@@ -139,12 +139,12 @@ def _project_heights(scene: Scene, camera: Camera, depth: Array, ids: Array) -> 
         start, turn = field.place.rays(camera)
         rows, columns = field.height.shape
         descending = (bool(start[1] > 0.5 * rows), bool(start[0] > 0.5 * columns))
-        patch_search.project_heights(
+        project_heights.project_heights(
             field.height, field.low, field.high, field.place.pixels(camera), pack_rays(start, turn), EYE * field.reach,
             descending, base, depths, numbers,
         )  # fmt: skip
     if parts > 1:
-        patch_search.merge(depths, numbers)
+        project_heights.merge(depths, numbers)
     depth[:], ids[:] = depths[0], numbers[0]
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ibrpipe.core import ldi_shade
+from ibrpipe.core.ldi import shade
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.fields import HeightField, PatchField, build_field
 from ibrpipe.renderers.search.epipolar_lines import Map, height_map
@@ -122,8 +122,8 @@ def shade_hits(scene: Scene, hits: Hits, camera: Camera) -> tuple[Array, Array]:
         rays = [field.place.rays(camera) for _, field in scene.patches]
         starts, turns = (np.stack(part) for part in zip(*rays, strict=True))
         records, colors = scene.records
-        ldi_shade.shade_patches(hits.depth, hits.ids, records, starts, turns, colors, color, known)
+        shade.shade_patches(hits.depth, hits.ids, records, starts, turns, colors, color, known)
     for _, field, base in scene.heights:
         start, turn = field.place.rays(camera)
-        ldi_shade.shade_heights(hits.depth, hits.ids, base, start, turn, field.color, color, known)
+        shade.shade_heights(hits.depth, hits.ids, base, start, turn, field.color, color, known)
     return color, known

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from ibrpipe.core import splat
-from ibrpipe.core.patch_search import merge
+from ibrpipe.core.ldi.project_heights import merge
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.epipolar.renderer import Maps, prepare
 from ibrpipe.renderers.epipolar.samples import shade_raster

@@ -41,13 +41,13 @@ def test_the_table_measures_every_loss(run_folder: Path, capsys: pytest.CaptureF
 
 
 def test_directions_and_weights_bracket_the_view(run_folder: Path) -> None:
-    from ibrpipe.core import spiral
+    from ibrpipe.core.spiral import directions
 
     texture = replace(plan.read_plan(run_folder / "plan/plan.json")[0], k=1 / 24)
     rng = np.random.default_rng(1)
     toward = rng.normal(size=(200, 3)) * 0.4 - 2.0 * texture.rectangle.f
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
-    ways, weights = around(texture, spiral.table(texture.k, True), True, toward)
+    ways, weights = around(texture, directions.table(texture.k, True), True, toward)
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(ways, axis=2), 1.0, atol=1e-12)
     mean = (ways * weights[:, :, None]).sum(axis=1)

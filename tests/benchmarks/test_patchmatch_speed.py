@@ -17,10 +17,10 @@ import pytest
 from numba import get_num_threads, prange
 
 from ibrpipe.core.jit import exact_kernel, fma
-from ibrpipe.core.patchmatch import sweep
-from ibrpipe.core.patchmatch_cost import LANES
-from ibrpipe.core.patchmatch_planes import random_planes
-from ibrpipe.core.patchmatch_propose import CHANGES, PLANES
+from ibrpipe.core.patchmatch.cost import LANES
+from ibrpipe.core.patchmatch.planes import random_planes
+from ibrpipe.core.patchmatch.propose import CHANGES, PLANES
+from ibrpipe.core.patchmatch.sweep import sweep
 from ibrpipe.reconstruction.depth.image_pyramid import packed
 from ibrpipe.reconstruction.depth.patchmatch import disc, relation
 from ibrpipe.types import Camera

@@ -9,7 +9,6 @@ import pytest
 
 from ibrpipe.core import jit
 
-
 CORE = Path(jit.__file__).parent
 
 

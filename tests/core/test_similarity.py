@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from ibrpipe.core.reconstruction.triangulation import distances, triangulate_agreed, triangulate_point
 from ibrpipe.core.similarity import (
     centers,
     fit_cameras,
@@ -16,7 +17,6 @@ from ibrpipe.core.similarity import (
     spread,
     turn_degrees,
 )
-from ibrpipe.core.triangulation import distances, triangulate_agreed, triangulate_point
 
 
 def poses_of(random: np.random.Generator, count: int) -> np.ndarray:

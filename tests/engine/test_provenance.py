@@ -69,7 +69,7 @@ def test_every_stage_reaches_the_kernels_but_never_the_command_line() -> None:
         if name not in seen:
             seen.add(name)
             waiting.extend(provenance._imports(name))
-    assert {"ibrpipe.renderers.ldi", "ibrpipe.core.quadtree", "ibrpipe.io.assets", "ibrpipe.types"} <= seen
+    assert {"ibrpipe.renderers.ldi", "ibrpipe.core.ldi.quadtree", "ibrpipe.io.assets", "ibrpipe.types"} <= seen
     assert not [name for name in seen if name.startswith("ibrpipe.cli")]
 
 

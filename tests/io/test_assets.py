@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ibrpipe.core import spiral
+from ibrpipe.core.spiral import directions
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
 from ibrpipe.io.assets import read_asset, read_index, write_asset
 from ibrpipe.types import Asset, LayeredDepthImage, ParallelFrame, SpiralResiduals, SpiralTexture
@@ -25,7 +25,7 @@ def texture(residuals=True):
     )
     if not residuals:
         return SpiralTexture(layers)
-    alphas = spiral.table(1 / 4)
+    alphas = directions.table(1 / 4)
     count = len(alphas)
     return SpiralTexture(
         layers,
@@ -33,7 +33,7 @@ def texture(residuals=True):
             EDGES,
             1 / 4,
             alphas,
-            spiral.directions(alphas, 1 / 4),
+            directions.directions(alphas, 1 / 4),
             np.full((count, 2), 3, np.int32),
             9 * np.arange(count + 1),
             np.random.default_rng(60).integers(0, 90, (9 * count, 3)).astype(np.uint8),

@@ -9,7 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from ibrpipe.core import spiral
+from ibrpipe.core.spiral import directions
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
 from ibrpipe.io.residuals import NAME, continue_smoothly, image_of, read_residuals, write_residuals
 from ibrpipe.types import ParallelFrame, SpiralResiduals
@@ -20,9 +20,9 @@ FRAME = ParallelFrame((0, 0, 0), (2, 0, 0), (0, 1, 0), (0, 0, 1))
 def some_residuals(dtype=np.uint8, k=1 / 4, seed=50, all_valid=False):
     """Residuals of smooth colours with holes; the least image is 1 x 1."""
     rng = np.random.default_rng(seed)
-    alphas = spiral.table(k)
-    ways = spiral.directions(alphas, k)
-    factors = np.array([spiral.scale_factors(way) for way in ways])
+    alphas = directions.table(k)
+    ways = directions.directions(alphas, k)
+    factors = np.array([directions.scale_factors(way) for way in ways])
     sizes = np.maximum(1, np.round(factors[:, ::-1] * (20, 30))).astype(np.int32)
     sizes[-1] = (1, 1)
     starts = np.concatenate([[0], np.cumsum(sizes.astype(np.int64).prod(axis=1))])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ibrpipe.core import epipolar_lines as el
-from ibrpipe.core import epipolar_near as near
+from ibrpipe.core.epipolar import lines as el
+from ibrpipe.core.epipolar import near
 
 
 def ends_of(samples):

@@ -20,7 +20,7 @@ from ibrpipe.renderers.prewarp import passes
 from ibrpipe.renderers.relief import height_fields, meshes
 from ibrpipe.renderers.search import epipolar_lines
 
-SMALL = Kernel("relief_shade", "place_hits", "(float32[:,::1], uint32[:,::1], uint32, float64[::1], float64[:,::1], "
+SMALL = Kernel("relief.shade", "place_hits", "(float32[:,::1], uint32[:,::1], uint32, float64[::1], float64[:,::1], "
                "float64[:,:,::1])")  # fmt: skip
 #: renderer -> what is compiled for it; `meanwhile` of the maps serves `relief`, too
 LISTED = {"prewarp": passes.BESIDE, "relief": height_fields.BESIDE, "ldi": epipolar_lines.BESIDE}
@@ -35,7 +35,7 @@ def test_what_is_listed_is_what_a_frame_calls(renderer):
     camera = ibrpipe.Camera.look_at((4.5, -3.0, 12.0), (4.5, 4.5, 0.5), width=24, height=20)
     ibrpipe.render(source, camera, renderer, outputs=("color", "depth"))
     for kernel in (*LISTED[renderer].kernels, *LISTED[renderer].meanwhile):
-        if renderer == "ldi" and kernel.module == "relief_shade":
+        if renderer == "ldi" and kernel.module == "relief.shade":
             continue
         called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
         assert normalize_signature(kernel.types)[0] in called, kernel.name

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ibrpipe.bench.cases.case import SpiralCase, camera_as, frame_of
-from ibrpipe.core import spiral
+from ibrpipe.core.spiral import directions
 from ibrpipe.types import Array, Camera, LayeredDepthImage, SpiralResiduals, SpiralTexture
 
 DENSITIES = (4, 8, 16, 24, 32, 64)
@@ -49,8 +49,8 @@ def build_spiral(k: float, zero: int = 0, dtype: str = "float64") -> SpiralTextu
     normal = np.tile([0.0, 0.0, -1.0], (64, 1))
     offsets = np.arange(9)[None] + 8 * np.arange(8)[:, None]
     layers = LayeredDepthImage(frame, offsets, np.full(64, DEPTH, dtype), np.full((64, 3), BASE, dtype), normal)
-    alphas = spiral.table(k)
-    ways = spiral.directions(alphas, k)
+    alphas = directions.table(k)
+    ways = directions.directions(alphas, k)
     count = len(alphas)
     texels = np.repeat(residual_of(ways).astype(np.float32), 4, axis=0)
     rectangle = frame_of((0, 0, 0), (EDGE, 0, 0), (0, EDGE, 0), (0, 0, 1), dtype)
@@ -84,20 +84,20 @@ def _blend(way: Array, alphas: Array, k: float, values: Array) -> Array:
     yaw = math.atan2(way[1], way[0]) % TURN
     turns = [yaw + TURN * t for t in range(math.ceil(0.25 / k) + 3)]
     below = [alpha for alpha in turns if k * alpha <= pitch]
-    if below and k * below[0] <= pitch and any(k * alpha >= spiral.LIMIT for alpha in below):
-        first = next(alpha for alpha in below if k * alpha >= spiral.LIMIT)
+    if below and k * below[0] <= pitch and any(k * alpha >= directions.LIMIT for alpha in below):
+        first = next(alpha for alpha in below if k * alpha >= directions.LIMIT)
         return _along(first, alphas, k, values)
     above = turns[len(below)]
     low = k * below[-1] if below else 0.0
     inner = _along(below[-1], alphas, k, values) if below else values[0]
-    high = min(k * above, spiral.LIMIT)
+    high = min(k * above, directions.LIMIT)
     share = min(max((pitch - low) / (high - low), 0.0), 1.0) if high > low else 1.0
     return (1.0 - share) * inner + share * _along(above, alphas, k, values)
 
 
 def _along(alpha: float, alphas: Array, k: float, values: Array) -> Array:
     """Blend the two samples around `alpha`; past the last turn's beginning its samples form a circle."""
-    first = len(alphas) - spiral.closing_count(k)
+    first = len(alphas) - directions.closing_count(k)
     if alpha >= alphas[first]:
         alpha = alphas[first] + (alpha - alphas[first]) % TURN
     for i in range(len(alphas)):

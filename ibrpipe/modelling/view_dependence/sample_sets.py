@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.core.spiral_marks import mark_images
+from ibrpipe.core.spiral.marks import mark_images
 from ibrpipe.engine.memory_map import hand_back
 from ibrpipe.modelling.plan_file import TexturePlan
 from ibrpipe.modelling.view_dependence.spiral_images import spiral_images

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ibrpipe.core import spiral
+from ibrpipe.core.spiral import directions as spiral
 from ibrpipe.embree import MeshCaster
 from ibrpipe.modelling.plan_file import TexturePlan
 from ibrpipe.types import Array, ParallelFrame

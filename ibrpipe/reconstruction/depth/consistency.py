@@ -6,8 +6,8 @@ import time
 
 import numpy as np
 
-from ibrpipe.core.patchmatch_check import count_agreeing
-from ibrpipe.core.patchmatch_planes import depths_and_normals
+from ibrpipe.core.patchmatch.check import count_agreeing
+from ibrpipe.core.patchmatch.planes import depths_and_normals
 from ibrpipe.io.dense import write_map
 from ibrpipe.reconstruction.depth.job import Job
 from ibrpipe.reconstruction.depth.patchmatch import pixel_step, relation

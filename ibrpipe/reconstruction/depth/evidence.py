@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.core.volume import observe
+from ibrpipe.core.reconstruction.tsdf import observe
 from ibrpipe.progress import track
 from ibrpipe.reconstruction.depth.map_store import MapStore, pack
 from ibrpipe.types import Array, Mesh

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrpipe.core.fusion import fuse_view
+from ibrpipe.core.reconstruction.fusion import fuse_view
 from ibrpipe.io.dense import DepthMap
 from ibrpipe.progress import track
 from ibrpipe.reconstruction.depth.map_store import LoadedMap, MapCache, MapStore, Packed, pack

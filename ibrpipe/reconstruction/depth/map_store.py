@@ -53,7 +53,7 @@ class LoadedMap:
 
 @dataclass(frozen=True, eq=False)
 class Packed:
-    """Several maps, row after row, one behind the other; see `ibrpipe.core.fusion`."""
+    """Several maps, row after row, one behind the other; see `ibrpipe.core.reconstruction.fusion`."""
 
     depth: Array
     normal: Array

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrpipe.core.patchmatch import sweep
-from ibrpipe.core.patchmatch_cost import LANES
-from ibrpipe.core.patchmatch_planes import random_planes
-from ibrpipe.core.patchmatch_views import ROW
+from ibrpipe.core.patchmatch.cost import LANES
+from ibrpipe.core.patchmatch.planes import random_planes
+from ibrpipe.core.patchmatch.sweep import sweep
+from ibrpipe.core.patchmatch.views import ROW
 from ibrpipe.reconstruction.depth.image_pyramid import Picture
 from ibrpipe.reconstruction.depth.job import Job, store
 from ibrpipe.reconstruction.depth.schedule import Pass, enlarged

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from ibrpipe.core.plane_fit import fit_planes
+from ibrpipe.core.patchmatch.plane_fit import fit_planes
 from ibrpipe.reconstruction.depth.image_pyramid import Picture
 from ibrpipe.reconstruction.depth.job import Job, store
 from ibrpipe.reconstruction.depth.patchmatch import pixel_step, relation

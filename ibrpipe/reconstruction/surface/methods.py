@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ibrpipe.core.volume import SIDE
+from ibrpipe.core.reconstruction.tsdf import SIDE
 from ibrpipe.io.views import View
 from ibrpipe.reconstruction.depth.evidence import evidence
 from ibrpipe.reconstruction.depth.fusion import Cloud, Fused

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ibrpipe.core.volume import silhouettes
+from ibrpipe.core.reconstruction.tsdf import silhouettes
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.views import View, load_view
 from ibrpipe.progress import track

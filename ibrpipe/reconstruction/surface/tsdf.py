@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.core.surface_nets import SIDE, join_quads, mark_cells, place_vertices
-from ibrpipe.core.volume import integrate
+from ibrpipe.core.reconstruction.surface_nets import SIDE, join_quads, mark_cells, place_vertices
+from ibrpipe.core.reconstruction.tsdf import integrate
 from ibrpipe.errors import CaptureError
 from ibrpipe.progress import track
 from ibrpipe.reconstruction.depth.map_store import LoadedMap, MapStore, pack

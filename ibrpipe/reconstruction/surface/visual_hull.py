@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrpipe.core.volume import SIDE
+from ibrpipe.core.reconstruction.tsdf import SIDE
 from ibrpipe.errors import CaptureError
 from ibrpipe.reconstruction.surface.silhouettes import Outline, bounds_at, hull_box, least_photos
 from ibrpipe.reconstruction.surface.tsdf import VOXEL_BYTES, VOXELS, Blocks, blocks_of, extract

@@ -8,7 +8,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from ibrpipe.core import epipolar_lines, epipolar_near, epipolar_samples, epipolar_sweep
+from ibrpipe.core.epipolar import lines, near, samples, sweep
 from ibrpipe.renderers.buffers import borrow
 from ibrpipe.renderers.fields import UNKNOWN_GAP, Field, HeightField, Place
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ReliefTexture
@@ -110,28 +110,26 @@ def cast_raster(raster: Raster, camera: Camera, search: str, base: int, depth: A
     start, turn = raster.place.rays(camera)
     pixels = raster.place.pixels(camera)
     rows, columns = raster.depth.shape
-    sectors, edges, entries = epipolar_lines.lay_lines(
+    sectors, edges, entries = lines.lay_lines(
         start, turn, pixels, (columns - 1, rows - 1), (camera.width, camera.height), SPACING[search], FINEST[search],
         0.0,
     )  # fmt: skip
     flat, linear, parts = raster.depth.ravel(), search == "linear", numba.get_num_threads()
-    epipolar_near.meet_near(
+    near.meet_near(
         flat, columns, start, turn, pixels[2], raster.place.perspective, linear, _within(raster, start), raster.steps,
         raster.ends, raster.eye, base, depth, ids,
     )  # fmt: skip
     groups = np.zeros(5, np.int64)
-    groups[1:] = np.cumsum(-(-sectors[:, epipolar_lines.LINES].astype(np.int64) // epipolar_sweep.GROUP))
+    groups[1:] = np.cumsum(-(-sectors[:, lines.LINES].astype(np.int64) // sweep.GROUP))
     if not groups[4]:
         return 0
     table = borrow("epipolar table", entries, np.float32, np.inf)
-    epipolar_samples.sweep_samples(
-        sectors, edges, flat, columns, linear, raster.gaps, raster.steps, groups, parts, table
-    )
-    epipolar_samples.pick_samples(
+    samples.sweep_samples(sectors, edges, flat, columns, linear, raster.gaps, raster.steps, groups, parts, table)
+    samples.pick_samples(
         flat, columns, start, turn, pixels[2], sectors, table, raster.place.perspective, linear,
         raster.steps, raster.ends[1] - raster.ends[0], raster.eye, base, parts, depth, ids,
     )  # fmt: skip
-    return int(sectors[:, epipolar_lines.LINES].sum())
+    return int(sectors[:, lines.LINES].sum())
 
 
 def _within(raster: Raster, start: Array) -> bool:
@@ -140,7 +138,7 @@ def _within(raster: Raster, start: Array) -> bool:
         return False
     u, v, d = start[:3] / start[3]
     rows, columns = raster.depth.shape
-    some = epipolar_near.SHORT
+    some = near.SHORT
     inside = -some <= u <= columns - 1 + some and -some <= v <= rows - 1 + some
     return bool(inside and raster.ends[0] <= d <= raster.ends[1])
 
@@ -148,7 +146,7 @@ def _within(raster: Raster, start: Array) -> bool:
 def shade_raster(raster: Raster, camera: Camera, search: str, base: int, hits: Any, color: Array, known: Array) -> None:
     """Fill `color` and `known` where this raster is hit."""
     start, turn = raster.place.rays(camera)
-    epipolar_samples.shade_samples(
+    samples.shade_samples(
         hits.depth, hits.ids, base, start, turn, raster.depth.ravel(), raster.depth.shape[1], raster.color,
         search == "linear", color, known,
     )  # fmt: skip

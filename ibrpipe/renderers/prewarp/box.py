@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.core import prewarp, prewarp_view
+from ibrpipe.core.prewarp import rows as prewarp
+from ibrpipe.core.prewarp import view as prewarp_view
 from ibrpipe.renderers.prewarp.faces import Face, Sight, rectangle_face, sight
 from ibrpipe.renderers.prewarp.passes import Settings, warp_face
 from ibrpipe.renderers.prewarp.source import Relief

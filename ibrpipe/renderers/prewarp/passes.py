@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.core import prewarp, prewarp_area, prewarp_columns, prewarp_pipelined
-from ibrpipe.core.prewarp import PAD
+from ibrpipe.core.prewarp import area as prewarp_area
+from ibrpipe.core.prewarp import columns as prewarp_columns
+from ibrpipe.core.prewarp import pipelined
+from ibrpipe.core.prewarp import rows as prewarp
+from ibrpipe.core.prewarp.rows import PAD
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.background_compile import FirstCall, Kernel
 from ibrpipe.renderers.prewarp.faces import MOST, Face, Sight, source_range
@@ -40,18 +43,18 @@ def scratch(name: str, shape: tuple[int, ...]) -> Array:
 BESIDE = FirstCall(
     (
         Kernel(
-            "prewarp_columns", "warp_columns",
+            "prewarp.columns", "warp_columns",
             "(float32[:,:,::1], float32[:,::1], boolean, float64, float64, int64[:,::1], int64, float32[:,::1])",
         ),
         Kernel(
-            "prewarp_view", "view_color",
+            "prewarp.view", "view_color",
             "(float32[:,::1], float32[:,::1], uint8[:,::1], int64, float64[:,::1], float64[::1], float32[:,::1], "
             "int64[::1], float32[:,:,::1], float32[:,::1])",
         ),
     ),
     meanwhile=(
         Kernel(
-            "prewarp_view", "view_depth",
+            "prewarp.view", "view_depth",
             "(float32[::1], int64, float64[:,::1], float64[::1], float64, boolean, float32[:,::1])",
         ),
     ),
@@ -148,7 +151,7 @@ def warp_face_by_area(
     places, axis = scratch("places", (3, rows, columns)), np.array([face.zoom, face.shift[0]])
     window = np.array([plan.rows[0], plan.rows[1] + 1, *plan.texels])
     field = _field(relief, face, plan, settings)
-    prewarp_pipelined.place_texels(*field, plan.eye, plan.shifts, plan.lines, window, axis, places)
+    pipelined.place_texels(*field, plan.eye, plan.shifts, plan.lines, window, axis, places)
     breaks = relief.breaks if relief.broken else _NONE8
     out = np.empty((height + 2 * PAD, count, 4), np.float32)
     if settings.method == "pipelined":
@@ -239,13 +242,13 @@ def _pipelined(
     places = scratch("places", (3, rows, columns))
     window = np.array([plan.rows[0], plan.rows[1] + 1, *plan.texels])
     axis = np.array([face.zoom, face.shift[0]])
-    prewarp_pipelined.place_texels(
+    pipelined.place_texels(
         *_field(relief, face, plan, settings), plan.eye, plan.shifts, plan.lines, window, axis, places
     )
-    ranges, feet = _stripes(view, face, plan, (left, count), relief.height.shape, prewarp_pipelined.STRIPE)
+    ranges, feet = _stripes(view, face, plan, (left, count), relief.height.shape, pipelined.STRIPE)
     breaks = relief.breaks if relief.broken else _NONE8
     window = np.array([*plan.rows, count, left, top, plan.order])
-    prewarp_pipelined.pipeline(places, breaks, ranges, feet, window, out[PAD : len(out) - PAD])
+    pipelined.pipeline(places, breaks, ranges, feet, window, out[PAD : len(out) - PAD])
 
 
 def _stripes(

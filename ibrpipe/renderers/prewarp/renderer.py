@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.core import prewarp_area, prewarp_view
+from ibrpipe.core.prewarp import area as prewarp_area
+from ibrpipe.core.prewarp import view as prewarp_view
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers import ldi
 from ibrpipe.renderers.frames import limited_threads, make_frame

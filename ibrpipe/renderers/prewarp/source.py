@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.core import prewarp
+from ibrpipe.core.prewarp import rows as prewarp
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.prewarp.faces import Face, Sight
 from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.core import relief_exact, relief_linear, relief_shade
-from ibrpipe.core.quadtree import EMPTY, STEPS
-from ibrpipe.core.relief_pyramid import build_pyramid
+from ibrpipe.core.ldi.quadtree import EMPTY, STEPS
+from ibrpipe.core.relief import exact, shade
+from ibrpipe.core.relief import linear as relief_linear
+from ibrpipe.core.relief.pyramid import build_pyramid
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.background_compile import FirstCall, Kernel
 from ibrpipe.renderers.fields import HeightField, Place, _place
@@ -26,7 +27,7 @@ LINES = 2**19
 BESIDE = FirstCall(
     (
         Kernel(
-            "relief_exact", "search_exact",
+            "relief.exact", "search_exact",
             "(Array(int64, 1, 'A', readonly=True), uint32[::1], int64[::1], float64[::1], float64[::1], float64[::1], "
             "float64, boolean, int64[::1], float32[:,::1], float64[:,:,::1])",
         ),
@@ -61,7 +62,7 @@ class Field:
 
     @cached_property
     def pyramid(self) -> tuple[Array, Array]:
-        """Plan and nodes of :mod:`ibrpipe.core.relief_pyramid`."""
+        """Plan and nodes of :mod:`ibrpipe.core.relief.pyramid`."""
         return build_pyramid(self.height, self.grid[0], self.grid[1], self.gap)
 
     @cached_property
@@ -105,7 +106,7 @@ class Field:
             padded = self.grid.copy()
             BESIDE.wait()
             padded[2], padded[3] = self.grid[0], self.grid[0] + STEPS / self.grid[1]
-            relief_exact.search_exact(
+            exact.search_exact(
                 pairs(self.height),
                 nodes,
                 plan,
@@ -137,7 +138,7 @@ def _search_lines(lines: Map, camera: Camera, depth: Array, places: Array) -> No
     cast_map(lines, camera, depth, ids)
     if places.size:
         start, turn = lines.field.place.rays(camera)
-        relief_shade.place_hits(depth, ids, np.uint32(lines.box[0]), start, turn, places)
+        shade.place_hits(depth, ids, np.uint32(lines.box[0]), start, turn, places)
 
 
 def pairs(height: Array) -> Array:

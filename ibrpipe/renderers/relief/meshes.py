@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ibrpipe.core import relief_mesh_hit, relief_mesh_raster, relief_mesh_shade, relief_mesh_shell
 from ibrpipe.core.normals import incidence, weld
-from ibrpipe.core.relief_map import build_bounds, pad_layer, plan_levels, shift_of, slopes
-from ibrpipe.core.relief_mesh_frames import FACE_SIZE, corner_frames, face_axes
-from ibrpipe.core.relief_mesh_tree import find_walls, fit_boxes, sort_faces
-from ibrpipe.core.texture_mips import build_mips
+from ibrpipe.core.relief_mesh import hit, raster, shade
+from ibrpipe.core.relief_mesh import shell as relief_mesh_shell
+from ibrpipe.core.relief_mesh.frames import FACE_SIZE, corner_frames, face_axes
+from ibrpipe.core.relief_mesh.map import build_bounds, pad_layer, plan_levels, shift_of, slopes
+from ibrpipe.core.relief_mesh.mips import build_mips
+from ibrpipe.core.relief_mesh.tree import find_walls, fit_boxes, sort_faces
 from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
 from ibrpipe.renderers.background_compile import FirstCall, Kernel
 from ibrpipe.types import Array, Camera
@@ -33,25 +34,25 @@ _MIPS = "Tuple((float32[:,::1], int64[:,::1]))"
 BESIDE = FirstCall(
     (
         Kernel(
-            "relief_mesh_raster", "draw_faces",
+            "relief_mesh.raster", "draw_faces",
             "(float64[:,::1], int64[:,::1], int32[:,::1], float64[:,::1], float64[:,::1], float32[:,::1], "
             "float64[:,::1], int32[:,::1])",
         ),
         Kernel(
-            "relief_mesh_shade", "shade_hits",
+            "relief_mesh.shade", "shade_hits",
             f"(uint8[:,::1], float32[:,::1], float64[:,:,::1], float32[:,:,::1], {_LAYERS}, float64[::1], "
             f"float64[::1], float64[:,::1], {_MIPS}, {_MIPS}, float32[:,:,::1], float32[:,::1])",
         ),
     ),
     meanwhile=(
         Kernel(
-            "relief_mesh_hit", "hit_faces",
+            "relief_mesh.hit", "hit_faces",
             f"(Tuple((float64[:,::1], int64[:,::1], float64[:,:,::1], float32[:,:,::1])), {_LAYERS}, float64[::1], "
             "float64[:,::1], float64[:,::1], int32[:,::1], float32[:,::1], uint8[:,::1], float64[:,:,::1], "
             "float32[:,:,::1])",
         ),
         Kernel(
-            "relief_mesh_raster", "bound_faces",
+            "relief_mesh.raster", "bound_faces",
             "(float64[:,::1], int64[:,::1], float64[:,::1], boolean, int64, int64, int32[:,::1])",
         ),
     ),
@@ -113,8 +114,8 @@ class Look:
                 raise RendererError(f"{name} is {getattr(self, name)}; give one or three numbers of at least 0")
 
     def lamp(self, eye: Array, slopes: bool) -> Array:
-        """Return the lamp as :mod:`ibrpipe.core.relief_mesh_shade` wants it."""
-        core = relief_mesh_shade
+        """Return the lamp as :mod:`ibrpipe.core.relief_mesh.shade` wants it."""
+        core = shade
         lamp = np.zeros(core.LAMPS)
         lamp[core.PROBES], lamp[core.SLOPES] = self.anisotropy, slopes
         if self.light is None:
@@ -142,8 +143,8 @@ class MeshPart:
     around : (starts, faces), CSR of the faces around each of them
     order : (F,) int64, the faces along a curve through space, for the shell's tree
     walls : (F, 3) uint8, sides of the shell's prisms where it ends or its texture does not go on
-    layers : front, back, lows, highs, plan of :mod:`ibrpipe.core.relief_map`
-    colors, normals : texels and table of :mod:`ibrpipe.core.texture_mips`
+    layers : front, back, lows, highs, plan of :mod:`ibrpipe.core.relief_mesh.map`
+    colors, normals : texels and table of :mod:`ibrpipe.core.relief_mesh.mips`
     """
 
     source: ReliefMesh
@@ -195,8 +196,8 @@ class MeshPart:
         return frames
 
     def rule(self, look: Look) -> Array:
-        """Return the rule as :mod:`ibrpipe.core.relief_mesh_hit` wants it."""
-        core, (rows, columns) = relief_mesh_hit, self.source.height.shape
+        """Return the rule as :mod:`ibrpipe.core.relief_mesh.hit` wants it."""
+        core, (rows, columns) = hit, self.source.height.shape
         rule = np.zeros(core.RULES)
         rule[core.ACROSS], rule[core.DOWN] = columns, rows
         rule[core.SHIFT], rule[core.DEEP] = shift_of(self.source.edges == "wrap"), self.source.thickness
@@ -226,7 +227,7 @@ class MeshPart:
             mine, places, turns = buffers
             lamp = look.lamp(camera.center, self.source.normal is None)
             BESIDE.wait()
-            relief_mesh_shade.shade_hits(
+            shade.shade_hits(
                 mine, depth, places, turns, self.layers, rule, lamp, ways, self.colors, self.normals, color, alpha
             )
         return sheets
@@ -244,15 +245,11 @@ class MeshPart:
         mesh, ways = (local, self.corners, source.uv, frames), camera.world_from_pixel
         BESIDE.wait()
         bounds = np.empty((len(self.corners), 4), np.int32)
-        relief_mesh_raster.bound_faces(
-            local, self.corners, camera.K @ camera.R, look.two_sided, size[1], size[0], bounds
-        )
+        raster.bound_faces(local, self.corners, camera.K @ camera.R, look.two_sided, size[1], size[0], bounds)
         after, layer, face = np.zeros(size), np.empty(size), np.empty(size, np.int32)
         sheets = 0
-        while sheets < SHEETS and relief_mesh_raster.draw_faces(
-            local, self.corners, bounds, ways, after, depth, layer, face
-        ):
-            relief_mesh_hit.hit_faces(mesh, self.layers, rule, ways, layer, face, depth, *buffers)
+        while sheets < SHEETS and raster.draw_faces(local, self.corners, bounds, ways, after, depth, layer, face):
+            hit.hit_faces(mesh, self.layers, rule, ways, layer, face, depth, *buffers)
             after, layer = layer, after
             sheets += 1
         return sheets

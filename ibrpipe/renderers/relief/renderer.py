@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ibrpipe.core import relief_shade
+from ibrpipe.core.relief import shade
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.frames import limited_threads, make_frame
 from ibrpipe.renderers.relief.height_fields import Field, build_field
@@ -96,4 +96,4 @@ def _draw_field(
     if color is not None and alpha is not None:
         mine = depth < before
         color[mine], alpha[mine] = 0.0, 0.0
-        relief_shade.color_heights(mine, places, field.color, color, alpha)
+        shade.color_heights(mine, places, field.color, color, alpha)

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from ibrpipe.core import epipolar_bounds, epipolar_cast, epipolar_lines, epipolar_patches, epipolar_sweep, patches
-from ibrpipe.core.quadtree import STEPS, plan_levels
+from ibrpipe.core.epipolar import bounds, cast, lines, sweep
+from ibrpipe.core.epipolar import patches as epipolar_patches
+from ibrpipe.core.ldi import patches
+from ibrpipe.core.ldi.quadtree import STEPS, plan_levels
 from ibrpipe.renderers.background_compile import FirstCall, Kernel
 from ibrpipe.renderers.buffers import borrow
 from ibrpipe.renderers.fields import Field, HeightField, PatchField
@@ -26,23 +28,23 @@ EYE = 1e-9
 BESIDE = FirstCall(
     (
         Kernel(
-            "epipolar_cast", "cast_heights",
+            "epipolar.cast", "cast_heights",
             "(float32[::1], int64, uint32[::1], int64[:,::1], float64[::1], float64[::1], float64[:,::1], "
             "float64[::1], float64, float64[:,::1], float32[::1], int64, int64, float32[:,::1], uint32[:,::1])",
         ),
     ),
     meanwhile=(  # colours of `ldi` and `epipolar`, then of `relief`
         Kernel(
-            "ldi_shade", "shade_heights",
+            "ldi.shade", "shade_heights",
             "(float32[:,::1], uint32[:,::1], int64, float64[::1], float64[:,::1], float32[:,:,::1], float32[:,:,::1], "
             "float32[:,::1])",
         ),
         Kernel(
-            "relief_shade", "place_hits",
+            "relief.shade", "place_hits",
             "(float32[:,::1], uint32[:,::1], uint32, float64[::1], float64[:,::1], float64[:,:,::1])",
         ),
         Kernel(
-            "relief_shade", "color_heights",
+            "relief.shade", "color_heights",
             "(boolean[:,::1], float64[:,:,::1], float32[:,:,::1], float32[:,:,::1], float32[:,::1])",
         ),
     ),
@@ -62,7 +64,7 @@ class Map:
         Columns and rows of cells, least and greatest depth.
     grid : (2,) float64
         Lowest depth of the bounds, depth per step.
-    nodes, meta : see :mod:`ibrpipe.core.epipolar_bounds`
+    nodes, meta : see :mod:`ibrpipe.core.epipolar.bounds`
     starts : (cells + 1,) int64
         First patch of every cell; empty for height fields.
     """
@@ -89,8 +91,8 @@ def height_map(field: HeightField, base: int) -> Map | None:
         return None
     BESIDE.begin()
     meta, grid, nodes = _empty_bounds(rows, columns, low, high)
-    epipolar_bounds.bound_heights(field.height, grid[0], 1.0 / grid[1], meta, nodes)
-    epipolar_bounds.bound_above(nodes, meta)
+    bounds.bound_heights(field.height, grid[0], 1.0 / grid[1], meta, nodes)
+    bounds.bound_above(nodes, meta)
     pad = max(1e-6 * (high - low), 1e-9 * field.reach)  # rays that end on the surface end beyond it
     return Map(field, base, np.array([columns, rows, low - pad, high + pad]), grid, nodes, meta, np.empty(0, np.int64))
 
@@ -106,8 +108,8 @@ def patch_map(field: PatchField, base: int) -> Map | None:
     counts = np.bincount(field.cells[:, 1].astype(np.int64) * columns + field.cells[:, 0], minlength=rows * columns)
     starts = np.concatenate([[0], np.cumsum(counts)])
     meta, grid, nodes = _empty_bounds(rows, columns, low, high)
-    epipolar_bounds.bound_patches(starts, near, far, grid[0], 1.0 / grid[1], meta, nodes)
-    epipolar_bounds.bound_above(nodes, meta)
+    bounds.bound_patches(starts, near, far, grid[0], 1.0 / grid[1], meta, nodes)
+    bounds.bound_above(nodes, meta)
     pad = max(1e-6 * (high - low), 1e-9 * max(abs(low), abs(high)))
     above = min(high + pad, 0.5 * high) if field.place.perspective else high + pad  # -1/z stays below 0
     return Map(field, base, np.array([columns, rows, low - pad, above]), grid, nodes, meta, starts)
@@ -124,21 +126,21 @@ def _empty_bounds(rows: int, columns: int, low: float, high: float) -> tuple[Arr
 def sweep_map(
     one: Map, camera: Camera, spacing: float = SPACING, finest: float = FINEST, coarseness: float = COARSENESS
 ) -> tuple[Array, Array]:
-    """Lay the epipolar lines of one map and sweep them: (sectors, table) of :mod:`ibrpipe.core.epipolar_sweep`.
+    """Lay the epipolar lines of one map and sweep them: (sectors, table) of :mod:`ibrpipe.core.epipolar.sweep`.
 
     The table is valid until the same thread sweeps another map.
     """
     start, turn = one.field.place.rays(camera)
-    sectors, edges, entries = epipolar_lines.lay_lines(
+    sectors, edges, entries = lines.lay_lines(
         start, turn, one.field.place.pixels(camera), (one.box[0], one.box[1]), (camera.width, camera.height),
         spacing, finest, coarseness, (one.box[2], one.box[3]),
     )  # fmt: skip
     table = borrow("epipolar table", entries, np.float32, np.inf)
     table[0] = -np.inf
     groups = np.zeros(5, np.int64)
-    groups[1:] = np.cumsum(-(-sectors[:, epipolar_lines.LINES].astype(np.int64) // epipolar_sweep.GROUP))
+    groups[1:] = np.cumsum(-(-sectors[:, lines.LINES].astype(np.int64) // sweep.GROUP))
     if groups[4]:
-        epipolar_sweep.sweep_lines(
+        sweep.sweep_lines(
             sectors, edges, one.nodes, one.meta, one.grid, groups, numba.get_num_threads(), table
         )  # fmt: skip
     return sectors, table
@@ -152,7 +154,7 @@ def cast_map(one: Map, camera: Camera, depth: Array, ids: Array) -> int:
     eye = EYE * field.reach
     if isinstance(field, HeightField):
         BESIDE.wait()
-        epipolar_cast.cast_heights(
+        cast.cast_heights(
             field.height.ravel(), field.height.shape[1], one.nodes, one.meta, one.grid, start, turn, one.box, eye,
             sectors, table, one.base, parts, depth, ids,
         )  # fmt: skip
@@ -161,4 +163,4 @@ def cast_map(one: Map, camera: Camera, depth: Array, ids: Array) -> int:
             one.starts, field.corners, field.masks, one.nodes, one.meta, one.grid, start, turn, one.box, eye,
             sectors, table, one.base, parts, depth, ids,
         )  # fmt: skip
-    return int(sectors[:, epipolar_lines.LINES].sum())
+    return int(sectors[:, lines.LINES].sum())

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.core.patch_project import BLOCK
+from ibrpipe.core.ldi.project import BLOCK
 from ibrpipe.renderers.fields import PatchField
 from ibrpipe.types import Array
 
@@ -17,7 +17,7 @@ TILE = 16
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Patches in blocks of BLOCK; see :func:`ibrpipe.core.patch_project.project_patches`."""
+    """Patches in blocks of BLOCK; see :func:`ibrpipe.core.ldi.project.project_patches`."""
 
     corners: Array
     places: Array

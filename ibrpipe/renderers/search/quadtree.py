@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ibrpipe.core import patches, quadtree
-from ibrpipe.core.ldi_search import search_field
+from ibrpipe.core.ldi import patches, quadtree
+from ibrpipe.core.ldi.search import search_field
 from ibrpipe.renderers.fields import Field, HeightField, PatchField, Place
 from ibrpipe.types import Array, Camera
 
@@ -30,7 +30,7 @@ class Sheet:
         Columns and rows of cells, least and greatest depth.
     grid : (2,) float64
         Lowest depth of the bounds and steps per depth.
-    nodes, meta : see :mod:`ibrpipe.core.quadtree`
+    nodes, meta : see :mod:`ibrpipe.core.ldi.quadtree`
     leaves : (height, cells, corners, masks)
         Texel heights of a height field (then `cells` is empty), or the patch of every cell (-1 = none).
     base : int

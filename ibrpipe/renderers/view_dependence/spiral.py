@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from ibrpipe.core import spiral
 from ibrpipe.core.color import srgb_decode, srgb_encode
-from ibrpipe.core.spiral_lookup import shade
-from ibrpipe.core.spiral_shade import add_residuals
+from ibrpipe.core.spiral import directions
+from ibrpipe.core.spiral.lookup import shade
+from ibrpipe.core.spiral.shade import add_residuals
 from ibrpipe.errors import RendererError
 from ibrpipe.types import Array, Camera, SpiralResiduals, SpiralTexture
 
@@ -28,8 +28,8 @@ class Tables:
     rotations, origins, scales : (T, 3, 3), (T, 3), (T, 2) float64
         Rows a, b, -f of the rectangles; their outer corners; 1 / edge lengths.
     arrays : tuple
-        What :func:`ibrpipe.core.spiral_shade.add_residuals` takes as spirals, finds and tables (8-bit residuals), or
-        :func:`ibrpipe.core.spiral_lookup.shade` from `alphas` to `zero` (others).
+        What :func:`ibrpipe.core.spiral.shade.add_residuals` takes as spirals, finds and tables (8-bit residuals), or
+        :func:`ibrpipe.core.spiral.lookup.shade` from `alphas` to `zero` (others).
     packed : bool
         Texels are 8-bit, packed into words.
     coded : bool
@@ -158,11 +158,11 @@ def _follow(residuals: SpiralResiduals, first: int) -> tuple[Array, Array, Array
 
 
 def _limit(residuals: SpiralResiduals) -> float:
-    return spiral.LIMIT if residuals.closed else np.pi / 2
+    return directions.LIMIT if residuals.closed else np.pi / 2
 
 
 def _closing(residuals: SpiralResiduals) -> int:
-    return int(spiral.closing_count(residuals.k)) if residuals.closed else 0
+    return int(directions.closing_count(residuals.k)) if residuals.closed else 0
 
 
 def _words(residuals: SpiralResiduals) -> Array:

@@ -8,7 +8,7 @@ import pytest
 from kernel_runs import on_all_thread_counts
 
 import ibrpipe
-from ibrpipe.core import epipolar_lines
+from ibrpipe.core.epipolar import lines
 from ibrpipe.renderers.search import epipolar_lines as epipolar_maps
 from ibrpipe.types import Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture
 
@@ -180,7 +180,7 @@ def test_lines_wider_than_the_map(scale):
         camera = Camera.look_at(target + 6 * scale * np.array(ways), target, width=40, height=30)
         check(source, camera, flips=1.0)
         sectors, _ = epipolar_maps.sweep_map(ibrpipe.prepare(source, "epipolar").data.maps[0], camera)
-        assert (sectors[:, epipolar_lines.LEVEL] <= 4).all()  # 13 cells, 16, 8, 4, 2 and 1 blocks
+        assert (sectors[:, lines.LEVEL] <= 4).all()  # 13 cells, 16, 8, 4, 2 and 1 blocks
 
 
 def test_nothing_to_hit():

@@ -8,7 +8,7 @@ import pytest
 from kernel_runs import on_all_thread_counts
 
 import ibrpipe
-from ibrpipe.core import epipolar_lines as el
+from ibrpipe.core.epipolar import lines as el
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.epipolar import samples
 from ibrpipe.types import Camera, DepthImage, ParallelFrame, ReliefTexture

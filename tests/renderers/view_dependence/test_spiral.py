@@ -7,8 +7,8 @@ import pytest
 import spiral_twin
 from kernel_runs import on_all_thread_counts
 
-from ibrpipe.core import spiral
 from ibrpipe.core.color import srgb_encode
+from ibrpipe.core.spiral import directions
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.view_dependence.spiral import add, prepare
 from ibrpipe.types import Camera, LayeredDepthImage, ParallelFrame, SpiralResiduals, SpiralTexture
@@ -20,8 +20,8 @@ CAMERA = Camera.look_at((-2.2, 0.4, -3.1), (0, 0, 0), fov_y_deg=35, width=11, he
 
 def residuals(frame=LOW, k=1 / 4, seed=70, zero=32, closed=True, dtype=np.uint8, valid=0.8):
     rng = np.random.default_rng(seed)
-    alphas = spiral.table(k, closed)
-    ways = spiral.directions(alphas, k, spiral.LIMIT if closed else np.pi / 2)
+    alphas = directions.table(k, closed)
+    ways = directions.directions(alphas, k, directions.LIMIT if closed else np.pi / 2)
     sizes = rng.integers(1, 7, (len(ways), 2)).astype(np.int32)
     starts = np.concatenate([[0], np.cumsum(sizes.astype(np.int64).prod(axis=1))])
     texels = rng.integers(0, 100, (starts[-1], 3)) if dtype == np.uint8 else rng.normal(0, 0.2, (starts[-1], 3))

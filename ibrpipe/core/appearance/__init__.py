@@ -1,0 +1,1 @@
+"""Colours from photos: blending, the diffuse median, and what misplacement explains."""

@@ -1,0 +1,1 @@
+"""Casting whole epipolar lines through height fields and layered images (schaufler1999)."""

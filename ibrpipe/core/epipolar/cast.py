@@ -1,0 +1,396 @@
+"""Exact hits of a height field, every ray walked on from where the sweep of its epipolar line lets it start.
+
+Rays of a tile of pixels are walked together in float32 up to the cells where they may be hit
+(:mod:`ibrpipe.core.epipolar.cells`), and are met there in float64: along a ray the height above a bilinear patch is a
+quadratic. Rays that are not hit there after all, and those still on their way after some cells, are walked on one by
+one in float64, over blocks of cells that they pass; there the ends of a cell's way are shared with the next cell, so
+that no ray slips between two.
+
+Symbols: t camera depth; (u, v, d) = P + t Q; F = d - height at the ends of a cell's way; A coefficient of the square
+when the way is counted from 0 to 1.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import prange
+
+from ibrpipe.core.epipolar import cells as ec
+from ibrpipe.core.epipolar import lines as el
+from ibrpipe.core.jit import fused, kernel
+
+#: how far beyond an edge a ray is taken to be in the next cell, in cells
+NUDGE = 1e-9
+#: rows of the working memory, LANES numbers each: 1 / Q, where a ray starts and ends, where its table begins and its
+#: camera depth per column
+INV0, INV1, NEAR, FAR, ALONG, PACE = (ec.LANES * n for n in range(6))
+RAYS = ec.LANES * 6
+#: row of hits, in float32, where the way of walked rays was
+HIT = ec.S
+#: state of a ray that is not hit in the cell where it stopped
+PASSES = 3.0
+#: bounds of float32 directions, and by how much the end of a ray is moved out
+STEEP, INVERSE, BEYOND, LEAST = 1e20, 1e30, 1.000001, 1e-19
+#: level of the blocks of cells that are passed at once; blocks before the first cells (where lines were swept over
+#: blocks of COARSE or above), and before the cells of every later round
+BLOCK_LEVEL, FIRST_BLOCKS, LATE_BLOCKS, COARSE = 2, 2, 1, 2.0
+#: rounding of float32
+EPSILON = 2.0**-23
+
+
+@fused
+def set_out(x0, y0, P0, P1, P2, turn, box, eye, rays):
+    # where the rays of the pixels of a tile pass the box
+    q00, q01, q02, q10, q11, q12 = turn[0, 0], turn[0, 1], turn[0, 2], turn[1, 0], turn[1, 1], turn[1, 2]
+    q20, q21, q22, columns, rows, low, high = turn[2, 0], turn[2, 1], turn[2, 2], box[0], box[1], box[2], box[3]
+    for row in range(ec.TILE_Y):
+        py, first = y0 + row + 0.5, row * ec.TILE_X
+        a0, a1, a2 = q01 * py + q02, q11 * py + q12, q21 * py + q22
+        for k in range(ec.TILE_X):
+            px = x0 + k + 0.5
+            r0, r1, r2 = q00 * px + a0, q10 * px + a1, q20 * px + a2
+            r0 = r0 if abs(r0) > 1e-290 else 1e-290
+            r1 = r1 if abs(r1) > 1e-290 else 1e-290
+            r2 = r2 if abs(r2) > 1e-290 else 1e-290
+            i0, i1, i2 = 1.0 / r0, 1.0 / r1, 1.0 / r2
+            n0, f0, n1, f1 = -P0 * i0, (columns - P0) * i0, -P1 * i1, (rows - P1) * i1
+            n2, f2 = (low - P2) * i2, (high - P2) * i2
+            m0, g0 = (n0, f0) if n0 < f0 else (f0, n0)
+            m1, g1 = (n1, f1) if n1 < f1 else (f1, n1)
+            m2, g2 = (n2, f2) if n2 < f2 else (f2, n2)
+            near = m0 if m0 > m1 else m1
+            near = near if near > m2 else m2
+            near = near if near > eye else eye
+            far = g0 if g0 < g1 else g1
+            far = far if far < g2 else g2
+            n = first + k
+            rays[INV0 + n], rays[INV1 + n], rays[NEAR + n], rays[FAR + n] = i0, i1, near, far
+
+
+@fused
+def find_entries(number, sectors, along, x0, y0, rays, places):
+    # places: entry of the table of the rays of one sector; along: place of the eye along the sector's rays
+    l0, l1, l2, lines = sectors[number, 0], sectors[number, 1], sectors[number, 2], sectors[number, el.LINES]
+    b0, b1, b2, bins = sectors[number, 6], sectors[number, 7], sectors[number, 8], sectors[number, el.BINS]
+    first, line_step, bin_step = sectors[number, el.FIRST], sectors[number, el.LINE_STEP], sectors[number, el.BIN_STEP]
+    inverse, other = (INV0, INV1) if number < 2 else (INV1, INV0)
+    sign = -1.0 if number & 1 else 1.0
+    for row in range(ec.TILE_Y):
+        py, start = y0 + row + 0.5, row * ec.TILE_X
+        line_y, bin_y = l1 * py + l2, b1 * py + b2
+        for k in range(ec.TILE_X):
+            px, n = x0 + k + 0.5, start + k
+            pace, across = rays[inverse + n], abs(rays[other + n])
+            turned = pace * sign
+            line = np.floor((l0 * px + line_y) * turned)
+            place = np.floor(b0 * px + bin_y)
+            known = (line >= 0.0) & (line < lines) & (place >= 0.0) & (place < bins)
+            known &= (turned > 0.0) & ((turned <= across) if number < 2 else (turned < across))
+            entry = first + line * line_step + place * bin_step
+            places[n] = np.int32(entry if known else np.float64(places[n]))
+            rays[ALONG + n] = along if known else rays[ALONG + n]
+            rays[PACE + n] = turned if known else rays[PACE + n]
+
+
+@fused
+def clear_entries(rays, places):
+    # rays of no sector start where they enter the box
+    for n in range(ec.LANES):
+        places[n], rays[ALONG + n], rays[PACE + n] = 0, 0.0, 1.0
+
+
+@fused
+def look_up(table, rays, places):
+    # let rays start where the table says
+    for n in range(ec.LANES):
+        t = (table[np.uint32(places[n])] - rays[ALONG + n]) * rays[PACE + n]
+        rays[NEAR + n] = t if t > rays[NEAR + n] else rays[NEAR + n]
+
+
+@fused
+def enter_cells(x0, y0, P0, P1, P2, turn, columns, rows, steepest, rays, work):
+    # lay every ray from its start on in float32, in cells -> how many have a way before them
+    q00, q01, q02, q10, q11, q12 = turn[0, 0], turn[0, 1], turn[0, 2], turn[1, 0], turn[1, 1], turn[1, 2]
+    q20, q21, q22 = turn[2, 0], turn[2, 1], turn[2, 2]
+    going = 0
+    for row in range(ec.TILE_Y):
+        py, start = y0 + row + 0.5, row * ec.TILE_X
+        a0, a1, a2 = q01 * py + q02, q11 * py + q12, q21 * py + q22
+        for k in range(ec.TILE_X):
+            px, n = x0 + k + 0.5, start + k
+            q0, q1, q2, i0, i1 = q00 * px + a0, q10 * px + a1, q20 * px + a2, rays[INV0 + n], rays[INV1 + n]
+            t, far = rays[NEAR + n], rays[FAR + n]
+            u, v = P0 + t * q0, P1 + t * q1
+            i = np.floor(u + (NUDGE if i0 > 0.0 else -NUDGE))
+            j = np.floor(v + (NUDGE if i1 > 0.0 else -NUDGE))
+            i = i if i > 0.0 else 0.0
+            j = j if j > 0.0 else 0.0
+            i = i if i < columns - 1.0 else columns - 1.0
+            j = j if j < rows - 1.0 else rows - 1.0
+            across, down = abs(q0), abs(q1)
+            speed = across if across > down else down
+            speed = speed if speed > 1e-290 else 1e-290
+            wide0, wide1 = abs(i0), abs(i1)
+            scale = wide0 if wide0 < wide1 else wide1
+            dd, au, av = q2 * scale, i0 * speed, i1 * speed
+            dd = dd if dd < steepest else steepest
+            dd = dd if dd > -steepest else -steepest
+            au = au if au < INVERSE else INVERSE
+            au = au if au > -INVERSE else -INVERSE
+            av = av if av < INVERSE else INVERSE
+            av = av if av > -INVERSE else -INVERSE
+            work[ec.DU + n], work[ec.DV + n], work[ec.DD + n] = q0 * scale, q1 * scale, dd
+            work[ec.AU + n], work[ec.AV + n] = au, av
+            work[ec.U0 + n], work[ec.V0 + n], work[ec.D0 + n] = u - i, v - j, P2 + t * q2
+            work[ec.END + n], work[ec.S + n] = (far - t) * speed * BEYOND + LEAST, 0.0
+            work[ec.CI + n], work[ec.CJ + n], work[ec.BI + n], work[ec.BJ + n] = i, j, i, j
+            work[ec.STATE + n] = ec.GOES_ON if t <= far else ec.ENDS
+            going += 1 if t <= far else 0
+    return going
+
+
+@fused
+def hit_between(t0, t1, f0, f1, bend):
+    # camera depth of the first zero of a quadratic on the way from t0 to t1, f0 and f1 at its ends
+    slope = f1 - f0 - bend
+    turn = 1.0 if f0 >= 0.0 else -1.0
+    f, a, b = f0 * turn, bend * turn, slope * turn
+    square = b * b - 4.0 * a * f
+    wide = math.sqrt(square if square > 0.0 else 0.0)
+    over, under = b + wide if b > 0.0 else 2.0 * f, -2.0 * a if b > 0.0 else wide - b
+    s = over / under if f > 0.0 else 0.0
+    s = s if s < 1.0 else 1.0
+    return t0 + (s if s > 0.0 else 0.0) * (t1 - t0)
+
+
+@fused
+def is_hit(f0, f1, bend):
+    # has the quadratic a zero on its way? where it starts is none
+    slope = f1 - f0 - bend
+    dips = (bend * f0 > 0.0) & (slope * f0 < 0.0) & (abs(slope) < 2.0 * abs(bend))
+    dips &= slope * slope >= 4.0 * bend * f0
+    return ((f0 * f1 <= 0.0) & (f0 != 0.0)) | dips
+
+
+@fused
+def meet(x0, y0, P0, P1, P2, turn, rays, work):
+    # HIT: camera depth at which every ray that stopped is hit in its cell, inf for none
+    q00, q01, q02, q10, q11, q12 = turn[0, 0], turn[0, 1], turn[0, 2], turn[1, 0], turn[1, 1], turn[1, 2]
+    q20, q21, q22 = turn[2, 0], turn[2, 1], turn[2, 2]
+    for row in range(ec.TILE_Y):
+        py, start = y0 + row + 0.5, row * ec.TILE_X
+        a0, a1, a2 = q01 * py + q02, q11 * py + q12, q21 * py + q22
+        for k in range(ec.TILE_X):
+            px, n = x0 + k + 0.5, start + k
+            q0, q1, q2, i0, i1 = q00 * px + a0, q10 * px + a1, q20 * px + a2, rays[INV0 + n], rays[INV1 + n]
+            i, j, t0, t1 = np.float64(work[ec.CI + n]), np.float64(work[ec.CJ + n]), rays[NEAR + n], rays[FAR + n]
+            a, b = np.float64(work[ec.A + n]), np.float64(work[ec.B + n])
+            c, e = np.float64(work[ec.C + n]), np.float64(work[ec.E + n])
+            near0, far0 = (i - P0) * i0, (i + 1.0 - P0) * i0
+            near1, far1 = (j - P1) * i1, (j + 1.0 - P1) * i1
+            near0, far0 = (near0, far0) if i0 > 0.0 else (far0, near0)
+            near1, far1 = (near1, far1) if i1 > 0.0 else (far1, near1)
+            near0 = near0 if work[ec.CI + n] != work[ec.BI + n] else t0
+            near1 = near1 if work[ec.CJ + n] != work[ec.BJ + n] else t0
+            t0 = t0 if t0 > near0 else near0
+            t0 = t0 if t0 > near1 else near1
+            t1 = t1 if t1 < far0 else far0
+            t1 = t1 if t1 < far1 else far1
+            t0 = t0 if t0 < t1 else t1
+            across, down, twist = b - a, c - a, (a - b) - (c - e)
+            p, q = P0 + t0 * q0 - i, P1 + t0 * q1 - j
+            f0 = P2 + t0 * q2 - (a + p * across + q * (down + p * twist))
+            p, q = P0 + t1 * q0 - i, P1 + t1 * q1 - j
+            f1 = P2 + t1 * q2 - (a + p * across + q * (down + p * twist))
+            way = t1 - t0
+            bend = -twist * (q0 * way) * (q1 * way)
+            state = work[ec.STATE + n]
+            stops, hits = state == ec.STOPS, is_hit(f0, f1, bend)
+            t = hit_between(t0, t1, f0, f1, bend)
+            work[HIT + n] = np.float32(t if stops & hits else np.inf)
+            work[ec.STATE + n] = PASSES if stops & (not hits) else state
+
+
+@fused
+def find_late(work):
+    # list the rays that are not done -> how many they are
+    kept = 0
+    if ec.count_rays(ec.LANES, np.float32(ec.GOES_ON), work) + ec.count_rays(ec.LANES, np.float32(PASSES), work) == 0:
+        return kept
+    for n in range(ec.LANES):
+        work[ec.LANE + kept] = n
+        kept += 1 if (work[ec.STATE + n] == ec.GOES_ON) | (work[ec.STATE + n] == PASSES) else 0
+    return kept
+
+
+@fused
+def walk_on(x, y, lane, flat, stride, nodes, meta, grid, P0, P1, P2, turn, columns, rows, rays, work):
+    # walk the ray of one pixel on from its cell
+    px, py, i0, i1, near, far = (
+        x + 0.5,
+        y + 0.5,
+        rays[INV0 + lane],
+        rays[INV1 + lane],
+        rays[NEAR + lane],
+        rays[FAR + lane],
+    )
+    q0, q1 = turn[0, 0] * px + turn[0, 1] * py + turn[0, 2], turn[1, 0] * px + turn[1, 1] * py + turn[1, 2]
+    q2, i, j = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2], int(work[ec.CI + lane]), int(work[ec.CJ + lane])
+    t0, t1 = near, min(far, max((i - P0) * i0, (i + 1 - P0) * i0), max((j - P1) * i1, (j + 1 - P1) * i1))
+    if work[ec.CI + lane] != work[ec.BI + lane]:
+        t0 = max(t0, min((i - P0) * i0, (i + 1 - P0) * i0))
+    if work[ec.CJ + lane] != work[ec.BJ + lane]:
+        t0 = max(t0, min((j - P1) * i1, (j + 1 - P1) * i1))
+    t0, t1, f0, f1, bend, i, j = walk(
+        flat, stride, nodes, meta, grid, P0, P1, P2, q0, q1, q2, i0, i1, min(t0, t1), far, np.nan, i, j, columns, rows
+    )  # fmt: skip
+    if i >= 0:
+        work[HIT + lane], work[ec.CI + lane], work[ec.CJ + lane] = hit_between(t0, t1, f0, f1, bend), i, j
+
+
+@fused
+def max_level(sectors):
+    # greatest level of blocks that lines were swept over
+    most = 0.0
+    for number in range(4):
+        most = max(most, sectors[number, el.LEVEL])
+    return most
+
+
+@kernel
+def cast_heights(flat, stride, nodes, meta, grid, start, turn, box, eye, sectors, table, base, parts, depth, ids):
+    # flat (H * stride,) f32 heights, NaN = hole; nodes, meta: see quadtree; grid (2,): lowest depth, depth per step;
+    # start (4,), turn (4, 3): parallel rays; box: columns, rows, least d,
+    # greatest d; eye: camera depth that still belongs to the eye; sectors, table: see epipolar_sweep;
+    # depth (h, w) f32 and ids (h, w) u32 are lowered in place; a hit's id is base + its cell
+    picture_rows, picture_columns = depth.shape
+    tiles_x, tiles_y = -(-picture_columns // ec.TILE_X), -(-picture_rows // ec.TILE_Y)
+    room, room_32 = np.empty((parts, RAYS)), np.empty((2, parts, ec.WORK), np.float32)
+    room_i = np.empty((parts, ec.LANES), np.int32)
+    for part in prange(parts):
+        rays, work, late, places = room[part], room_32[0, part], room_32[1, part], room_i[part]
+        P0, P1, P2 = start[0], start[1], start[2]
+        columns, rows = box[0], box[1]
+        columns_32, rows_32 = np.float32(columns), np.float32(rows)
+        range_, most = box[3] - box[2], max(abs(box[2]), abs(box[3]))
+        doubt, steepest = np.float32(EPSILON * (8.0 * most + 512.0 * range_)), STEEP * range_
+        level = min(BLOCK_LEVEL, len(meta) - 1)
+        first, block_stride, size = meta[level, 0], meta[level, 1], np.float32(2**level)
+        low, step = np.float32(grid[0]), np.float32(grid[1])
+        first_blocks = FIRST_BLOCKS if max_level(sectors) >= COARSE else 0
+        for tile in range(np.int64(part), tiles_x * tiles_y, parts):
+            y0, x0 = (tile // tiles_x) * ec.TILE_Y, (tile % tiles_x) * ec.TILE_X
+            y1, x1 = min(y0 + ec.TILE_Y, picture_rows), min(x0 + ec.TILE_X, picture_columns)
+            set_out(x0, y0, P0, P1, P2, turn, box, eye, rays)
+            clear_entries(rays, places)
+            for number in range(4):
+                if sectors[number, el.USED] > 0.0 and crosses(number, x0, y0, x1, y1, turn):
+                    along = P0 if number < 2 else P1
+                    if number & 1:
+                        along = (columns if number < 2 else rows) - along
+                    find_entries(number, sectors, along, x0, y0, rays, places)
+            look_up(table, rays, places)
+            if enter_cells(x0, y0, P0, P1, P2, turn, columns, rows, steepest, rays, work) == 0:
+                continue
+            going, passed, blocks, batch = ec.LANES, 0, first_blocks, work
+            while going > 0 and passed < ec.PATIENCE:
+                count = ec.whole_vectors(going)
+                for _ in range(blocks):
+                    ec.cross_blocks(
+                        count, nodes, first, block_stride, size, low, step, columns_32, rows_32, doubt, batch, places
+                    )  # fmt: skip
+                left = ec.advance(
+                    count, flat, stride, columns_32, rows_32, doubt, batch, places
+                )  # fmt: skip
+                passed, blocks = passed + ec.STRIDE, LATE_BLOCKS
+                if passed == ec.STRIDE:
+                    going, batch = ec.leave_behind(left, work, late), late
+                elif left < ec.CROWDED * going or passed >= ec.PATIENCE:
+                    going = ec.bring_back(going, late, work)
+            meet(x0, y0, P0, P1, P2, turn, rays, work)
+            for n in range(find_late(work)):
+                lane = int(work[ec.LANE + n])
+                x, y = x0 + lane % ec.TILE_X, y0 + lane // ec.TILE_X
+                walk_on(
+                    x, y, lane, flat, stride, nodes, meta, grid, P0, P1, P2, turn, columns, rows, rays, work
+                )  # fmt: skip
+            enter_hits(x0, y0, x1 - x0, y1 - y0, stride, base, work, places, depth, ids)
+
+
+@fused
+def enter_hits(x0, y0, wide, high, stride, base, work, places, depth, ids):
+    # a hit replaces another when it is nearer, or as near with a lesser number
+    for n in range(ec.LANES):
+        places[n] = np.int32(work[ec.CJ + n]) * np.int32(stride - 1) + np.int32(work[ec.CI + n]) + np.int32(base)
+    for row in range(high):
+        y, start = np.uint64(y0 + row), row * ec.TILE_X
+        for k in range(wide):
+            t, number, x = work[HIT + start + k], np.uint32(places[start + k]), np.uint64(x0) + np.uint64(k)
+            before, other = depth[y, x], ids[y, x]
+            nearer = (t < before) | ((t == before) & (t < np.float32(np.inf)) & (number < other))
+            depth[y, x] = t if nearer else before
+            ids[y, x] = number if nearer else other
+
+
+@fused
+def crosses(number, x0, y0, x1, y1, turn):
+    # may a ray of the tile belong to the sector?
+    for corner in range(4):
+        x, y = x0 if corner & 1 else x1, y0 if corner & 2 else y1
+        wx, wy = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2], turn[1, 0] * x + turn[1, 1] * y + turn[1, 2]
+        along = wx if number < 2 else wy
+        if (-along if number & 1 else along) > 0.0:
+            return True
+    return False
+
+
+@fused
+def walk(
+    flat, stride, nodes, meta, grid, P0, P1, P2, q0, q1, q2, i0, i1, t0, far, F0, i, j, columns, rows
+):  # fmt: skip
+    # one ray from (t0, F0) in cell (i, j) on, over blocks of cells that it passes above or below
+    # -> (t0, t1, F0, F1, A, i, j) of the cell where it is hit, i = -1 for none
+    ai, aj = 1 if q0 > 0.0 else 0, 1 if q1 > 0.0 else 0
+    last_i, last_j, top, level = int(columns) - 1, int(rows) - 1, len(meta) - 1, 1
+    start, rate = (P2 - grid[0]) / grid[1], q2 / grid[1]
+    while True:
+        bi, bj = i >> level, j >> level
+        edge_i, edge_j = (bi + ai) << level, (bj + aj) << level
+        tx, ty = (edge_i - P0) * i0, (edge_j - P1) * i1
+        t1 = min(min(tx, ty), far)
+        node = nodes[meta[level, 0] + bj * meta[level, 1] + bi]
+        least, greatest = float(node & np.uint32(65535)), float(node >> np.uint32(16))
+        d0, d1 = start + t0 * rate, start + t1 * rate
+        passes = (min(d0, d1) > greatest) | (max(d0, d1) < least)
+        if passes | (level == 0):
+            F1 = np.nan
+            if not passes:
+                cell = j * stride + i
+                a, b = float(flat[cell]), float(flat[cell + 1])
+                c, e = float(flat[cell + stride]), float(flat[cell + stride + 1])
+                twist = (a - b) - (c - e)
+                if F0 != F0:
+                    p, q = P0 + t0 * q0 - i, P1 + t0 * q1 - j
+                    F0 = P2 + t0 * q2 - (a + p * (b - a) + q * (c - a) + p * q * twist)
+                p, q = P0 + t1 * q0 - i, P1 + t1 * q1 - j
+                F1 = P2 + t1 * q2 - (a + p * (b - a) + q * (c - a) + p * q * twist)
+                way = t1 - t0
+                A = -twist * (q0 * way) * (q1 * way)
+                slope = F1 - F0 - A
+                dips = (A * F0 > 0.0) & (slope * F0 < 0.0) & (abs(slope) < 2.0 * abs(A))
+                if ((F0 * F1 <= 0.0) & (F0 != 0.0)) | (dips & (slope * slope >= 4.0 * A * F0)):
+                    return t0, t1, F0, F1, A, i, j
+            if tx < ty:
+                i = edge_i + ai - 1
+                j = min(max(int(np.floor(P1 + t1 * q1)), bj << level), ((bj + 1) << level) - 1)
+            else:
+                i = min(max(int(np.floor(P0 + t1 * q0)), bi << level), ((bi + 1) << level) - 1)
+                j = edge_j + aj - 1
+            if (t1 >= far) | (i < 0) | (i > last_i) | (j < 0) | (j > last_j):
+                return t0, t1, F0, F1, 0.0, -1, -1
+            t0, F0 = t1, F1
+            level = min(level + 1, top) if passes else level
+        else:
+            level -= 1

@@ -1,0 +1,177 @@
+"""Exact hits of the patches of a layered image, every ray walked on from its start on its epipolar line.
+
+Rays walk the cells in order, over blocks that they pass above or below, and meet every patch of a cell. Frames may be
+parallel or perspective: a column ``u = i`` is crossed at ``t = (i P_q - P_x) / (Q_x - i Q_q)``.
+
+Symbols: :mod:`ibrpipe.core.rays`; starts: first patch of every cell.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import prange
+
+from ibrpipe.core.epipolar import lines as el
+from ibrpipe.core.jit import helper, kernel
+from ibrpipe.core.ldi.project_heights import improve, meet_ray
+from ibrpipe.core.rays import clip_box
+
+#: room about the depths of a patch, and about those of a ray in a cell, as a share of their range
+CLOSE = 1e-6
+
+
+@helper
+def start_of(px, py, P, Q, sectors, table):
+    # camera depth before which the ray of a pixel meets nothing: -inf where it has no line, inf for none
+    wx, wy = P[3] * Q[0] - Q[3] * P[0], P[3] * Q[1] - Q[3] * P[1]
+    number = (0 if wx > 0.0 else 1) if abs(wx) >= abs(wy) else (2 if wy > 0.0 else 3)
+    own = sectors[number]
+    if own[el.USED] == 0.0:
+        return -np.inf
+    line = (own[0] * px + own[1] * py + own[2]) / (own[3] * px + own[4] * py + own[5])
+    place = own[6] * px + own[7] * py + own[8]
+    if not (0.0 <= line < own[el.LINES] and 0.0 <= place < own[el.BINS]):
+        return -np.inf
+    entry = own[el.FIRST] + math.floor(line) * own[el.LINE_STEP] + math.floor(place) * own[el.BIN_STEP]
+    along = float(table[int(entry)])
+    if along == np.inf:
+        return np.inf
+    axis = int(own[el.AXIS])
+    edge = along if own[el.SIGN] > 0.0 else own[el.ALONG] - along
+    return (edge * P[3] - P[axis]) / (Q[axis] - edge * Q[3])
+
+
+@helper
+def edge_ahead(edge, P, Q, axis, now, last, forward):
+    # camera depth from `now` on at which the ray crosses a column or row, inf if it ends (at `last`) before
+    if (last <= edge) if forward else (last >= edge):
+        return np.inf
+    under = Q[axis] - edge * Q[3]
+    return max((edge * P[3] - P[axis]) / under, now) if under != 0.0 else np.inf
+
+
+@helper
+def meet_cell(x, y, i, j, first, last, near, least, greatest, corners, masks, rays, eye):
+    # nearest hit with the patches of one cell that lie between two depths -> (t, patch)
+    best, number = np.inf, -1
+    for patch in range(first, last):
+        a, b = float(corners[patch, 0]), float(corners[patch, 1])
+        c, e = float(corners[patch, 2]), float(corners[patch, 3])
+        low, high = min(min(a, b), min(c, e)), max(max(a, b), max(c, e))
+        room = CLOSE * (high - low)
+        if low - room > greatest or high + room < least:
+            continue
+        t = meet_ray(x, y, float(i), float(j), a, b, c, e, masks[patch], near, rays, eye, True)
+        if t < best:
+            best, number = t, patch
+    return best, number
+
+
+@helper
+def border_side(first, last, cell):
+    # does a ray run along a border of its cells? -> -1 or 1 where the cell beyond it lies, else 0
+    if abs(first - last) > 1e-8:
+        return 0
+    return -1 if abs(first - cell) < 1e-8 else (1 if abs(first - cell - 1.0) < 1e-8 else 0)
+
+
+@helper
+def meet_cells(
+    x, y, i, j, side_i, side_j, near, least, greatest, columns, rows, starts, corners, masks, rays, eye
+):  # fmt: skip
+    # as meet_cell, with the cells beyond the borders that the ray runs along
+    best, number = np.inf, -1
+    for k in range(4):
+        di, dj = side_i * (k & 1), side_j * (k >> 1)
+        if (k & 1 and di == 0) or (k >> 1 and dj == 0) or not (0 <= i + di < columns and 0 <= j + dj < rows):
+            continue
+        cell = (j + dj) * columns + i + di
+        t, patch = meet_cell(
+            x, y, i + di, j + dj, starts[cell], starts[cell + 1], near, least, greatest, corners, masks, rays, eye
+        )  # fmt: skip
+        if t < best:
+            best, number = t, patch
+    return best, number
+
+
+@helper
+def walk_cells(x, y, P, Q, near, far, starts, corners, masks, nodes, meta, grid, rays, eye):
+    # -> (t, patch) of the first hit between camera depths near and far, (inf, -1) for none
+    wx, wy = P[3] * Q[0] - Q[3] * P[0], P[3] * Q[1] - Q[3] * P[1]
+    ahead_i, ahead_j = 1 if wx > 0.0 else 0, 1 if wy > 0.0 else 0
+    columns, rows, top, level, t = meta[0, 1], meta[0, 2], len(meta) - 1, 0, near
+    q = P[3] + far * Q[3]
+    last_u, last_v = (P[0] + far * Q[0]) / q, (P[1] + far * Q[1]) / q
+    q = P[3] + t * Q[3]
+    i = min(max(int(math.floor((P[0] + t * Q[0]) / q + (1e-9 if wx > 0.0 else -1e-9))), 0), columns - 1)
+    j = min(max(int(math.floor((P[1] + t * Q[1]) / q + (1e-9 if wy > 0.0 else -1e-9))), 0), rows - 1)
+    side_i, side_j = border_side((P[0] + t * Q[0]) / q, last_u, i), border_side((P[1] + t * Q[1]) / q, last_v, j)
+    alone = side_i == 0 and side_j == 0
+    while True:
+        edge_i, edge_j = ((i >> level) + ahead_i) << level, ((j >> level) + ahead_j) << level
+        tx = edge_ahead(float(edge_i), P, Q, 0, t, last_u, wx > 0.0)
+        ty = edge_ahead(float(edge_j), P, Q, 1, t, last_v, wy > 0.0)
+        t1 = min(min(tx, ty), far)
+        node = nodes[meta[level, 0] + (j >> level) * meta[level, 1] + (i >> level)]
+        least = grid[0] + float(node & np.uint32(65535)) * grid[1]
+        greatest = grid[0] + float(node >> np.uint32(16)) * grid[1]
+        d0, d1 = (P[2] + t * Q[2]) / (P[3] + t * Q[3]), (P[2] + t1 * Q[2]) / (P[3] + t1 * Q[3])
+        slack = 1e-9 * grid[1] * 65535.0
+        nearest, farthest = min(d0, d1), max(d0, d1)
+        passes = (nearest > greatest + slack) | (farthest < least - slack) | (least > greatest)
+        passes &= alone
+        if not passes and level > 0:
+            level -= 1
+            continue
+        if not passes:
+            slack += CLOSE * (farthest - nearest)
+            hit, patch = meet_cells(
+                x, y, i, j, side_i, side_j, t, nearest - slack, farthest + slack, columns, rows, starts, corners, masks,
+                rays, eye,
+            )  # fmt: skip
+            if patch >= 0:
+                return hit, patch
+        if t1 >= far:
+            return np.inf, -1
+        q = P[3] + t1 * Q[3]
+        if tx < ty:
+            low, i = (j >> level) << level, edge_i + ahead_i - 1
+            j = min(max(int(math.floor((P[1] + t1 * Q[1]) / q)), low), low + (1 << level) - 1)
+        else:
+            low, j = (i >> level) << level, edge_j + ahead_j - 1
+            i = min(max(int(math.floor((P[0] + t1 * Q[0]) / q)), low), low + (1 << level) - 1)
+        if i < 0 or j < 0 or i >= columns or j >= rows:
+            return np.inf, -1
+        t, level = t1, min(level + 1, top) if passes else level
+
+
+@kernel
+def cast_patches(
+    starts, corners, masks, nodes, meta, grid, start, turn, box, eye, sectors, table, base, parts, depth, ids
+):  # fmt: skip
+    # starts (cells + 1,) i64; corners (P, 4) f32, masks (P,) u8; box: columns, rows, least d, greatest d; other
+    # arguments as of epipolar_cast.cast_heights; a hit's id is base + its patch
+    rows, columns = depth.shape
+    for part in prange(parts):
+        rays, Q = np.empty(16), np.empty(4)
+        rays[:4] = start
+        for k in range(4):
+            for m in range(3):
+                rays[4 + 3 * k + m] = turn[k, m]
+        for y in range(np.int64(part), rows, parts):
+            for x in range(columns):
+                px, py = x + 0.5, y + 0.5
+                for k in range(4):
+                    Q[k] = turn[k, 0] * px + turn[k, 1] * py + turn[k, 2]
+                seen = float(depth[y, x])  # what is behind another map's hit is not searched
+                near, far = clip_box(start, Q[0], Q[1], Q[2], Q[3], box, seen + CLOSE * seen)
+                near = max(near, start_of(px, py, start, Q, sectors, table))
+                if not near <= far:
+                    continue
+                t, patch = walk_cells(
+                    x, y, start, Q, near, far, starts, corners, masks, nodes, meta, grid, rays, eye
+                )  # fmt: skip
+                if patch >= 0:
+                    improve(depth, ids, y, x, t, np.uint32(base + patch))

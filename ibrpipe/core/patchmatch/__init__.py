@@ -1,0 +1,1 @@
+"""PatchMatch stereo with slanted planes."""

@@ -1,0 +1,1 @@
+"""Depth maps to surfaces: fusion, signed distances, surface nets, triangulation."""

@@ -1,0 +1,1 @@
+"""Ray marching of height fields (policarpo2005)."""

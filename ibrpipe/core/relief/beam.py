@@ -1,0 +1,86 @@
+"""How far all rays of a tile of pixels run together before any of them can meet a height field.
+
+At equal camera depth t the rays of a tile fill a parallelogram, the hull of the tile's corner rays; its bounding box
+over a span of t is compared with the blocks of the pyramid that it touches. What this skips, no ray of the tile can
+meet.
+
+Symbols: ``start + t * (px, py, 1) @ turn`` place (u, v, d) of a ray in cells and depth; ``low, scale``: depth to steps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ibrpipe.core.jit import fused, helper, inlined
+from ibrpipe.core.rays import clip_side
+from ibrpipe.core.relief.pyramid import THIRDS
+
+
+@inlined
+def span(first, second, third, fourth):
+    # least and greatest of four
+    return min(min(first, second), min(third, fourth)), max(max(first, second), max(third, fourth))
+
+
+@helper
+def touches(nodes, plan, level, i0, i1, j0, j1, near, far):
+    # do depths near..far (steps) meet the bounds of any block i0..i1, j0..j1 of a level?
+    top = (plan[2] * plan[3]) >> (2 * plan[4])
+    first = top * (THIRDS & ((1 << (2 * (plan[4] - level))) - 1))
+    columns = plan[3] >> level
+    for j in range(j0, j1 + 1):
+        for i in range(i0, i1 + 1):
+            node = nodes[first + j * columns + i]
+            least, greatest = np.int64(node & np.uint32(0xFFFF)), np.int64(node >> np.uint32(16))
+            if least <= greatest and near <= greatest and far >= least:
+                return True
+    return False
+
+
+@helper
+def beam_start(nodes, plan, low, scale, bottom, top, start, ways, most):
+    # ways (12,): directions (u, v, d) of the corner rays; bottom, top: depth range of the field; most: blocks that a
+    # test may touch along one axis -> (t, end): no ray of the tile meets the field before t or after end
+    u0, u1 = span(ways[0], ways[3], ways[6], ways[9])
+    v0, v1 = span(ways[1], ways[4], ways[7], ways[10])
+    d0, d1 = span(ways[2], ways[5], ways[8], ways[11])
+    rows, columns = float(plan[0]), float(plan[1])
+    t, end = clip_side(start[0], u1, 0.0, np.inf)
+    t, end = clip_side(columns - start[0], -u0, t, end)
+    t, end = clip_side(start[1], v1, t, end)
+    t, end = clip_side(rows - start[1], -v0, t, end)
+    t, end = clip_side(start[2] - bottom, d1, t, end)
+    t, end = clip_side(top - start[2], -d0, t, end)
+    fast = max(max(abs(u0), abs(u1)), max(abs(v0), abs(v1)))
+    level = plan[4]
+    tiny = 1e-12 * (end - t) if end < np.inf else 0.0
+    while t < end:
+        step = float(1 << level) / max(fast, 1e-200)
+        to = min(t + max(step, tiny), end)
+        ua, ub = start[0] + min(t * u0, to * u0), start[0] + max(t * u1, to * u1)
+        va, vb = start[1] + min(t * v0, to * v0), start[1] + max(t * v1, to * v1)
+        da, db = start[2] + min(t * d0, to * d0), start[2] + max(t * d1, to * d1)
+        i0, i1 = np.int64(max(ua - 1e-6, 0.0)) >> level, np.int64(min(max(ub + 1e-6, 0.0), columns - 1.0)) >> level
+        j0, j1 = np.int64(max(va - 1e-6, 0.0)) >> level, np.int64(min(max(vb + 1e-6, 0.0), rows - 1.0)) >> level
+        crowded = i1 - i0 >= most or j1 - j0 >= most
+        near, far = (da - low) * scale - 1.0, (db - low) * scale + 1.0
+        if crowded and level < plan[4]:
+            return t, end
+        if touches(nodes, plan, level, i0, i1, j0, j1, near, far):
+            if level == 0:
+                return t, end
+            level -= 1
+        else:
+            t = to
+            level = min(level + 1, plan[4])
+    return t, end
+
+
+@fused
+def corner_ways(turn, x0, y0, x1, y1, ways):
+    # directions (u, v, d) of the rays through the corners of a tile of pixels -> ways (12,)
+    for c in range(4):
+        x = x1 if c & 1 else x0
+        y = y1 if c & 2 else y0
+        for axis in range(3):
+            ways[3 * c + axis] = turn[3 * axis] * x + turn[3 * axis + 1] * y + turn[3 * axis + 2]

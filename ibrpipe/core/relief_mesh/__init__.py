@@ -1,0 +1,1 @@
+"""Relief-mapped triangle meshes (policarpo2005)."""
