@@ -10,7 +10,7 @@ from ibrpipe.version import VERSION as __version__
 if TYPE_CHECKING:
     from ibrpipe.io.assets import read_asset, write_asset
     from ibrpipe.io.captures import read_capture
-    from ibrpipe.io.materials import read_relief_mesh, read_relief_meshes
+    from ibrpipe.io.surfaces.materials import read_relief_mesh, read_relief_meshes
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
     from ibrpipe.renderers.composite import composite
     from ibrpipe.types import (
@@ -42,8 +42,8 @@ _HOME = {
     "prepare": "renderers.api",
     "read_asset": "io.assets",
     "read_capture": "io.captures",
-    "read_relief_mesh": "io.materials",
-    "read_relief_meshes": "io.materials",
+    "read_relief_mesh": "io.surfaces.materials",
+    "read_relief_meshes": "io.surfaces.materials",
     "render": "renderers.api",
     "write_asset": "io.assets",
 }

@@ -61,7 +61,7 @@ def measured(make_tiny: Callable[[str], Path], tmp_path_factory: pytest.TempPath
     """Return a function from a scene's name to its ingested capture."""
     from ibrpipe.capture.photo_set import load_photos
     from ibrpipe.embree import MeshCaster
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
     from ibrpipe.io.views import read_views
     from ibrpipe.stages import ingest
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ibrpipe.io.colmap import read_model
+from ibrpipe.io.cameras.colmap import read_model
 from ibrpipe.types import Camera
 
 #: Texels along the poster of 1 m, photos, rays per pixel along x and y, noise (8-bit steps)

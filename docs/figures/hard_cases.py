@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ibrpipe.bench.cases import choose_cases
-from ibrpipe.bench.hard_cases import run_hard_cases
+from ibrpipe.bench.hard_cases.run import run_hard_cases
 from ibrpipe.bench.report.hard_page import draw_wrong
 from ibrpipe.bench.settings import choose_settings
 

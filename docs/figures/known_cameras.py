@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import open3d as o3d
 
-from ibrpipe.io.colmap import read_model
+from ibrpipe.io.cameras.colmap import read_model
 
 #: Texels across the wall, cells of the relief, standard deviation of the photos' noise (8-bit steps)
 TEXELS, CELLS, NOISE = 4096, 512, 2.0

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import ibrpipe
-from ibrpipe.io.images import write_png
-from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.photos.images import write_png
+from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.modelling.relief_textures import SIDES, asset_from_reliefs, box_from_mesh, relief_from_images
 from ibrpipe.types import Array, Camera, ReliefTexture
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import ibrpipe
-from ibrpipe.io.images import write_png
-from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.photos.images import write_png
+from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.modelling.dual_relief import dual_relief_from_mesh
 from ibrpipe.types import Array, Camera, Mesh, ParallelFrame, ReliefTexture
 
@@ -117,7 +117,7 @@ def dual(mesh: Path) -> None:
 
 def interpenetration(rock: Path) -> None:
     """Fig. 18: balls, rendered as another source, stuck in a relief-mapped surface."""
-    from ibrpipe.io.relief_images import read_relief_folder
+    from ibrpipe.io.surfaces.relief_images import read_relief_folder
 
     images = read_relief_folder(rock)
     ground = ibrpipe.ReliefMesh(QUAD, QUAD_UV, images.height, 0.16, color=images.color, normal=images.normal)

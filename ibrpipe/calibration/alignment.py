@@ -15,8 +15,8 @@ from ibrpipe.calibration.job import Job
 from ibrpipe.calibration.markers import Spot, locate, marker_similarity
 from ibrpipe.core.similarity import centers, fit_cameras, fit_places, move_places, move_poses, spread, turn_degrees
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
-from ibrpipe.io.colmap_write import SparseModel
-from ibrpipe.io.exif import local_metres
+from ibrpipe.io.cameras.colmap_write import SparseModel
+from ibrpipe.io.photos.exif import local_metres
 from ibrpipe.types import Array
 
 Similarity = tuple[float, Array, Array]

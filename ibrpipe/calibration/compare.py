@@ -9,10 +9,10 @@ import numpy as np
 
 from ibrpipe.core.similarity import between_degrees, centers, fit_cameras, move_poses, turn_degrees
 from ibrpipe.errors import CaptureError, MissingFileError
+from ibrpipe.io.cameras.colmap import find_model, is_model, read_model
+from ibrpipe.io.cameras.lenses import Lens, directions_of
+from ibrpipe.io.cameras.shots import Shot
 from ibrpipe.io.captures import has_cameras, read_shots
-from ibrpipe.io.colmap import find_model, is_model, read_model
-from ibrpipe.io.lenses import Lens, directions_of
-from ibrpipe.io.shots import Shot
 from ibrpipe.types import Array
 
 #: Rays of so many places along each side of a photo are compared

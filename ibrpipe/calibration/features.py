@@ -18,9 +18,9 @@ import numpy as np
 from ibrpipe.calibration.job import PhotoEntry
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.errors import FormatError
-from ibrpipe.io.exif import Exif, read_exif
-from ibrpipe.io.image_files import ImageHeader, read_stored
-from ibrpipe.io.images import read_coverage
+from ibrpipe.io.photos.exif import Exif, read_exif
+from ibrpipe.io.photos.image_files import ImageHeader, read_stored
+from ibrpipe.io.photos.images import read_coverage
 from ibrpipe.types import Array
 
 #: Least difference of Gaussians; where it finds fewer than `FEW` features, the second is tried

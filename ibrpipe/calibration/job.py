@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrpipe.errors import FormatError
-from ibrpipe.io.lenses import Lens
+from ibrpipe.io.cameras.lenses import Lens
 
 
 @dataclass(frozen=True)

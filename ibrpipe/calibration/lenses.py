@@ -10,7 +10,7 @@ from typing import Any
 from ibrpipe.calibration.features import Features
 from ibrpipe.calibration.job import PhotoEntry
 from ibrpipe.errors import CaptureError
-from ibrpipe.io.lenses import Lens
+from ibrpipe.io.cameras.lenses import Lens
 
 #: Focal length over the photo's longer side where nothing is known
 GUESS = 1.2

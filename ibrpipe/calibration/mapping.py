@@ -12,8 +12,8 @@ import numpy as np
 from ibrpipe.calibration.database import make_camera
 from ibrpipe.calibration.features import Features
 from ibrpipe.calibration.lenses import Start
-from ibrpipe.io.colmap_write import ModelImage, SparseModel
-from ibrpipe.io.lenses import Lens
+from ibrpipe.io.cameras.colmap_write import ModelImage, SparseModel
+from ibrpipe.io.cameras.lenses import Lens
 from ibrpipe.native_imports import import_pycolmap
 from ibrpipe.types import Array
 

@@ -14,9 +14,9 @@ from ibrpipe.calibration.job import PhotoEntry
 from ibrpipe.core.reconstruction.triangulation import triangulate_agreed
 from ibrpipe.core.similarity import fit_places, spread
 from ibrpipe.errors import CaptureError
-from ibrpipe.io.colmap_write import ModelImage, SparseModel
-from ibrpipe.io.image_files import read_stored
-from ibrpipe.io.lenses import directions_of
+from ibrpipe.io.cameras.colmap_write import ModelImage, SparseModel
+from ibrpipe.io.cameras.lenses import directions_of
+from ibrpipe.io.photos.image_files import read_stored
 from ibrpipe.types import Array
 
 #: A corner counts when its photos agree on its place to so many pixels

@@ -10,10 +10,10 @@ import numpy as np
 
 from ibrpipe.calibration.job import PhotoEntry
 from ibrpipe.errors import CaptureError, MissingFileError
+from ibrpipe.io.cameras.shots import Shot
 from ibrpipe.io.captures import has_cameras, read_shots
-from ibrpipe.io.image_files import read_header
-from ibrpipe.io.masks import find_mask
-from ibrpipe.io.shots import Shot
+from ibrpipe.io.photos.image_files import read_header
+from ibrpipe.io.photos.masks import find_mask
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", ".webp", ".bmp", ".jp2", ".heic")
 

@@ -13,8 +13,8 @@ from ibrpipe.calibration.job import Job
 from ibrpipe.calibration.lenses import Start, angle_of_view
 from ibrpipe.calibration.spacing import Shared, shared_of, words
 from ibrpipe.engine.provenance import peak_memory
-from ibrpipe.io.colmap_write import ModelImage, SparseModel
-from ibrpipe.io.lenses import Lens, project
+from ibrpipe.io.cameras.colmap_write import ModelImage, SparseModel
+from ibrpipe.io.cameras.lenses import Lens, project
 from ibrpipe.types import Array
 
 #: Photos with fewer points than this stand on weak feet

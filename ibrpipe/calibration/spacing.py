@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from ibrpipe.capture.view_spacing import WANTED, Spacing, median_spacing, middle_angle
-from ibrpipe.io.colmap_write import ModelImage, SparseModel
+from ibrpipe.io.cameras.colmap_write import ModelImage, SparseModel
 from ibrpipe.types import Array
 
 #: Share of a photo's features that its best partner shares, with which a wide angle does no harm

@@ -21,7 +21,7 @@ from ibrpipe.calibration.job import Job, read_job
 from ibrpipe.calibration.lenses import Start, choose_lenses
 from ibrpipe.calibration.results import figures
 from ibrpipe.errors import CaptureError, IbrError
-from ibrpipe.io.colmap_write import SparseModel, write_model
+from ibrpipe.io.cameras.colmap_write import SparseModel, write_model
 
 Say = Callable[[str, int, int], None]
 #: COLMAP begins with two photos that share so many matches

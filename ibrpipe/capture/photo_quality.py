@@ -10,7 +10,7 @@ import numpy as np
 
 from ibrpipe.capture.findings import Finding, Limits
 from ibrpipe.core.color import luminance, srgb_decode, srgb_encode
-from ibrpipe.io.image_files import read_header
+from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.views import View
 from ibrpipe.types import Array
 

@@ -46,8 +46,8 @@ def hard_cases(out: Path, renderers: tuple[str, ...], cases: tuple[str, ...], as
     Writes hard_cases.json and hard_cases.html. Ends with exit code 1 when a cell is beyond its limit.
     """
     from ibrpipe.bench.cases import choose_cases
-    from ibrpipe.bench.hard_cases import run_hard_cases
-    from ibrpipe.bench.hard_file import lines_of, pack, write_hard_cases
+    from ibrpipe.bench.hard_cases.file import lines_of, pack, write_hard_cases
+    from ibrpipe.bench.hard_cases.run import run_hard_cases
     from ibrpipe.bench.report import write_hard_page
     from ibrpipe.bench.settings import choose_settings
 
@@ -93,9 +93,9 @@ def speed_error(out: Path, renderers: tuple[str, ...], mesh: Path | None, quick:
     """
     from ibrpipe.bench.report import write_speed_page
     from ibrpipe.bench.settings import choose_settings
-    from ibrpipe.bench.speed_error import FULL, QUICK, run_speed_error
+    from ibrpipe.bench.speed_error.run import FULL, QUICK, run_speed_error
     from ibrpipe.io.manifest import write_json
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
 
     settings = choose_settings(renderers, speed=True)
     given = (mesh.stem, read_mesh(mesh)) if mesh else None
@@ -132,9 +132,9 @@ def table2(out: Path, mesh: Path | None, sizes: str, as_json: bool) -> None:
     two minutes on two cores.
     """
     from ibrpipe.bench.report import write_table2_page
-    from ibrpipe.bench.table2 import run_table2
+    from ibrpipe.bench.sizes.table2 import run_table2
     from ibrpipe.io.manifest import write_json
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
 
     chosen = _sizes(sizes)
     given = read_mesh(mesh) if mesh else None
@@ -169,9 +169,9 @@ def growth(out: Path, renderers: tuple[str, ...], sizes: str, as_json: bool) -> 
 
     Writes growth.json and growth.html with the slopes. Takes about a minute on two cores.
     """
-    from ibrpipe.bench.growth import run_growth
     from ibrpipe.bench.report import write_growth_page
     from ibrpipe.bench.settings import choose_settings
+    from ibrpipe.bench.sizes.growth import run_growth
     from ibrpipe.io.manifest import write_json
 
     chosen, settings = _sizes(sizes), choose_settings(renderers)
@@ -212,8 +212,8 @@ def _table2_lines(model: Any) -> dict[str, str]:
 
 
 def _winners(model: Any) -> dict[str, str]:
-    from ibrpipe.bench.advice import NEEDS
     from ibrpipe.bench.report.speed_page import recommended, shown_works
+    from ibrpipe.bench.speed_error.advice import NEEDS
 
     shown = {work.name for work in shown_works(model)}
     return {

@@ -35,8 +35,8 @@ def command(dense: Path, stereo: Path, view: str | None, thresholds: tuple[float
     STEREO is a Middlebury stereo set: calib.txt, and the true disparity as disp0.pfm, disp0GT.pfm or disp_left.npz.
     """
     from ibrpipe.evaluation.depth_error import disparity_error
+    from ibrpipe.io.cameras.middlebury import CALIBRATION, read_calibration, read_disparity
     from ibrpipe.io.dense import read_map
-    from ibrpipe.io.middlebury import CALIBRATION, read_calibration, read_disparity
 
     path = _depth_map(dense, view)
     error = disparity_error(read_map(path), read_calibration(stereo / CALIBRATION), read_disparity(stereo), thresholds)

@@ -39,7 +39,7 @@ def command(
     """Measure MESH against the mesh TRUTH: accuracy, completeness and F-score."""
     from ibrpipe.evaluation.geometry_scores import GeometryRules, filled_vertices, scores_of
     from ibrpipe.evaluation.surface_error import compare_surfaces
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
     from ibrpipe.io.views import read_views
 
     photos = () if views is None else read_views(views).train

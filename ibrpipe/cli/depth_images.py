@@ -43,7 +43,7 @@ def command(
     taken as they are; the options that place images are not for it.
     """
     from ibrpipe.io.assets import write_asset
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
     from ibrpipe.modelling import frusta as placing
     from ibrpipe.modelling.depth_images import depth_images_asset
 

@@ -64,7 +64,7 @@ def bytes_below(folder: Path) -> int:
 
 def _capture(path: Path) -> Facts:
     from ibrpipe.io.captures import has_cameras, read_capture
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
 
     if not has_cameras(path) and (path / "images").is_dir():
         return _photos(path)
@@ -84,8 +84,8 @@ def _capture(path: Path) -> Facts:
 def _photos(path: Path) -> Facts:
     """Return the facts about a capture folder without cameras."""
     from ibrpipe.calibration.photos import photos_of
-    from ibrpipe.io.exif import read_exif
-    from ibrpipe.io.image_files import read_header
+    from ibrpipe.io.photos.exif import read_exif
+    from ibrpipe.io.photos.image_files import read_header
 
     photos = photos_of(path)
     headers = [read_header(Path(photo.image)) for photo in photos]

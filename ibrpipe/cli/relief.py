@@ -61,7 +61,7 @@ def images(
     out: Path,
 ) -> None:
     """Lay the height map and colours of FOLDER (height.*, color.*) on a rectangle, heights along +z."""
-    from ibrpipe.io.relief_images import read_color, read_height, read_relief_folder
+    from ibrpipe.io.surfaces.relief_images import read_color, read_height, read_relief_folder
     from ibrpipe.modelling.relief_textures import PARTED, relief_from_images, steep_share
 
     if folder is None and height is None:
@@ -102,7 +102,7 @@ def asset(asset: Path, out: Path) -> None:
 @_OUT
 def mesh(mesh: Path, side: str, texels: int, out: Path) -> None:
     """Sample one side of MESH orthographically from its bounding box."""
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
     from ibrpipe.modelling.relief_textures import relief_from_mesh
 
     _write([relief_from_mesh(read_mesh(mesh), side, texels)], [side], mesh, out)
@@ -114,7 +114,7 @@ def mesh(mesh: Path, side: str, texels: int, out: Path) -> None:
 @_OUT
 def box(mesh: Path, texels: int, out: Path) -> None:
     """Sample all six sides of MESH: an object that is seen from everywhere."""
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
     from ibrpipe.modelling.relief_textures import SIDES, box_from_mesh
 
     _write(box_from_mesh(read_mesh(mesh), texels), list(SIDES), mesh, out)

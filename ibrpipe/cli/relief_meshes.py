@@ -98,9 +98,9 @@ def mesh_map(mesh: Path, moved: Path | None, path: str, repeats: int, out: Path,
     """Render MESH (glTF, OBJ, PLY or STL) with a relief mapped onto its polygons: OpenEXR with depth, and PNG."""
     import numpy as np
 
-    from ibrpipe.io.materials import read_relief_meshes
-    from ibrpipe.io.mesh_materials import read_moved
     from ibrpipe.io.paths import is_orbit, orbit, parse_orbit, read_path
+    from ibrpipe.io.surfaces.materials import read_relief_meshes
+    from ibrpipe.io.surfaces.mesh_materials import read_moved
     from ibrpipe.stages.render import render_path
 
     if given["light"] and given["sun"]:
@@ -132,7 +132,7 @@ mesh_map.params.append(json_option)
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for quad.obj and packed.png.")
 def dual(mesh: Path, side: str, texels: int, out: Path) -> None:
     """Sample front and back of MESH onto one rectangle: normal x, y and two depths in one image."""
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
     from ibrpipe.modelling.dual_relief import dual_relief_from_mesh, write_relief_quad
 
     source = dual_relief_from_mesh(read_mesh(mesh), side, texels)

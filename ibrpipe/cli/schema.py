@@ -17,9 +17,9 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def models() -> dict[str, type[BaseModel]]:
     """Return every model of a file on disk, by the name of its schema."""
-    from ibrpipe.bench.hard_file import HardCasesFile
-    from ibrpipe.bench.size_results import GrowthModel, Table2Model
-    from ibrpipe.bench.speed_results import SpeedErrorModel
+    from ibrpipe.bench.hard_cases.file import HardCasesFile
+    from ibrpipe.bench.sizes.results import GrowthModel, Table2Model
+    from ibrpipe.bench.speed_error.results import SpeedErrorModel
     from ibrpipe.engine.documents import DOCUMENTS
     from ibrpipe.engine.pipeline_file import pipeline_model
     from ibrpipe.evaluation.metrics import MetricsModel

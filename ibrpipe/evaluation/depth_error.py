@@ -10,8 +10,8 @@ import numpy as np
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, IbrError
+from ibrpipe.io.cameras.middlebury import StereoCalibration
 from ibrpipe.io.dense import DepthMap, Workspace, read_map
-from ibrpipe.io.middlebury import StereoCalibration
 from ibrpipe.io.views import View
 from ibrpipe.progress import track
 from ibrpipe.types import Array

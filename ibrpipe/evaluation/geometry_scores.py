@@ -13,7 +13,7 @@ from ibrpipe.evaluation.depth_error import DepthError, depth_error, maps_of
 from ibrpipe.evaluation.metrics import DepthScores, GeometryScores, ThresholdScores
 from ibrpipe.evaluation.surface_error import SurfaceError, compare_surfaces
 from ibrpipe.io.dense import Workspace
-from ibrpipe.io.meshes import read_vertex_values
+from ibrpipe.io.surfaces.meshes import read_vertex_values
 from ibrpipe.io.views import View
 from ibrpipe.types import Array, Mesh
 

@@ -14,17 +14,17 @@ from pathlib import Path
 from typing import Literal
 
 from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError, ValueRangeError
-from ibrpipe.io.bundler import BUNDLER, read_bundler
-from ibrpipe.io.colmap import find_model, read_model
-from ibrpipe.io.exposure import gains_from_csv, gains_from_exif, read_exposure_csv
-from ibrpipe.io.image_files import ImageHeader, read_header
-from ibrpipe.io.lenses import Keep, undistorted_calibration
-from ibrpipe.io.masks import find_mask
-from ibrpipe.io.meshes import SUFFIXES
-from ibrpipe.io.metashape import METASHAPE, read_metashape
-from ibrpipe.io.middlebury import is_stereo, read_stereo
-from ibrpipe.io.shots import Shot
-from ibrpipe.io.transforms import read_transforms
+from ibrpipe.io.cameras.bundler import BUNDLER, read_bundler
+from ibrpipe.io.cameras.colmap import find_model, read_model
+from ibrpipe.io.cameras.lenses import Keep, undistorted_calibration
+from ibrpipe.io.cameras.metashape import METASHAPE, read_metashape
+from ibrpipe.io.cameras.middlebury import is_stereo, read_stereo
+from ibrpipe.io.cameras.shots import Shot
+from ibrpipe.io.cameras.transforms import read_transforms
+from ibrpipe.io.photos.exposure import gains_from_csv, gains_from_exif, read_exposure_csv
+from ibrpipe.io.photos.image_files import ImageHeader, read_header
+from ibrpipe.io.photos.masks import find_mask
+from ibrpipe.io.surfaces.meshes import SUFFIXES
 from ibrpipe.io.views import View
 from ibrpipe.types import Camera
 

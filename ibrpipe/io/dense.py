@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError, ShapeError
-from ibrpipe.io.colmap_write import write_model
+from ibrpipe.io.cameras.colmap_write import write_model
 from ibrpipe.io.dense_points import tied_model
-from ibrpipe.io.images import write_png
+from ibrpipe.io.photos.images import write_png
 from ibrpipe.io.views import View, load_view
 from ibrpipe.types import Array
 

@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ibrpipe.io.colmap_write import ModelImage, SparseModel
-from ibrpipe.io.lenses import Lens
+from ibrpipe.io.cameras.colmap_write import ModelImage, SparseModel
+from ibrpipe.io.cameras.lenses import Lens
 from ibrpipe.types import Array, Camera
 
 #: pixels of each depth map that become points, about

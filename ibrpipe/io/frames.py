@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError
-from ibrpipe.io.image_files import read_header
-from ibrpipe.io.images import read_depth, read_image, write_exr, write_png
+from ibrpipe.io.photos.image_files import read_header
+from ibrpipe.io.photos.images import read_depth, read_image, write_exr, write_png
 from ibrpipe.io.views import View
 from ibrpipe.types import Array, Camera, Frame
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
-from ibrpipe.io.image_files import one_line
-from ibrpipe.io.images import FIXED_DATE
+from ibrpipe.io.photos.image_files import one_line
+from ibrpipe.io.photos.images import FIXED_DATE
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame
 from ibrpipe.types.layers import offsets_of
 

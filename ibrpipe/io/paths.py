@@ -180,9 +180,9 @@ def read_path(path: Path) -> CameraPath:
     MissingFileError, FormatError, CaptureError
         Nothing is there, or it is not what it should be.
     """
-    from ibrpipe.io.colmap import find_model, read_model
-    from ibrpipe.io.lenses import undistorted_calibration
-    from ibrpipe.io.transforms import read_transforms
+    from ibrpipe.io.cameras.colmap import find_model, read_model
+    from ibrpipe.io.cameras.lenses import undistorted_calibration
+    from ibrpipe.io.cameras.transforms import read_transforms
 
     if path.is_file():
         shots, _ = read_transforms(path)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError
-from ibrpipe.io.colmap import Cursor, image_names, text_lines
+from ibrpipe.io.cameras.colmap import Cursor, image_names, text_lines
 from ibrpipe.io.views import View
 from ibrpipe.types import Array
 

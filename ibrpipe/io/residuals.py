@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
-from ibrpipe.io.image_files import one_line
 from ibrpipe.io.layers import frame_as_json, frame_from_json
+from ibrpipe.io.photos.image_files import one_line
 from ibrpipe.types import Array, ParallelFrame, SpiralResiduals
 
 NAME = "residuals.zip"

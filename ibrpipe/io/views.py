@@ -15,9 +15,9 @@ from typing import Any, Literal
 import numpy as np
 
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
-from ibrpipe.io.images import read_coverage, read_depth, read_image
-from ibrpipe.io.lenses import Lens, photo_positions
-from ibrpipe.io.threshold_masks import threshold_mask
+from ibrpipe.io.cameras.lenses import Lens, photo_positions
+from ibrpipe.io.photos.images import read_coverage, read_depth, read_image
+from ibrpipe.io.photos.threshold_masks import threshold_mask
 from ibrpipe.types import Array, Camera
 
 SCHEMA = 1

@@ -8,7 +8,7 @@ import numpy as np
 
 from ibrpipe.embree import Hits, MeshCaster
 from ibrpipe.errors import ValueRangeError
-from ibrpipe.io.materials import write_packed
+from ibrpipe.io.surfaces.materials import write_packed
 from ibrpipe.types import Array, Mesh
 from ibrpipe.types.relief_mesh import ReliefMesh
 

@@ -30,7 +30,7 @@ from ibrpipe.evaluation.report.surface_pictures import SurfacePictures, draw_sur
 from ibrpipe.evaluation.sizes import bytes_of, seconds_of
 from ibrpipe.evaluation.timing import time_ways, timed_size
 from ibrpipe.io.frames import read_frames
-from ibrpipe.io.meshes import read_mesh, read_vertex_values
+from ibrpipe.io.surfaces.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import View, ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.types import Camera, Mesh

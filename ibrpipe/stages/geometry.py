@@ -20,8 +20,8 @@ from ibrpipe.engine.run_folder import kept_folder
 from ibrpipe.engine.stage import Stage
 from ibrpipe.io.dense import DepthMap, Workspace, write_workspace
 from ibrpipe.io.manifest import digest, write_json
-from ibrpipe.io.meshes import read_mesh, write_mesh
 from ibrpipe.io.points import read_points
+from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import View, ViewSet, load_view, read_views
 from ibrpipe.progress import Part, track, whole
 from ibrpipe.reconstruction.depth import DepthConfig, estimate_depths

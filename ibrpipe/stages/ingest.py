@@ -17,10 +17,10 @@ from ibrpipe.capture.findings import Limits
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import CaptureError, FormatError
+from ibrpipe.io.cameras.lenses import Keep
 from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, read_capture
-from ibrpipe.io.lenses import Keep
-from ibrpipe.io.meshes import read_mesh, write_mesh
 from ibrpipe.io.points import points_of_views, write_points
+from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import View, ViewSet, write_views
 from ibrpipe.types import Mesh
 

@@ -10,7 +10,7 @@ from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.stage import Stage
 from ibrpipe.io.layers import write_layers
-from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.diffuse_refinement import sharpen
 from ibrpipe.modelling.layers import STATISTICS, LayersConfig, build_layers, rounded

@@ -8,7 +8,7 @@ from pathlib import Path
 from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.stage import Stage
-from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.frusta import write_frusta
 from ibrpipe.modelling.plan_file import write_plan

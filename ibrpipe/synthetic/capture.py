@@ -17,8 +17,8 @@ from pydantic import Field
 from ibrpipe.config import StageConfig
 from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.errors import ConfigError
-from ibrpipe.io.images import write_exr, write_png
-from ibrpipe.io.meshes import write_mesh
+from ibrpipe.io.photos.images import write_exr, write_png
+from ibrpipe.io.surfaces.meshes import write_mesh
 from ibrpipe.progress import track
 from ibrpipe.synthetic.layout import write_colmap_text, write_transforms
 from ibrpipe.synthetic.photograph import Photo, Truth, measure_truth, take_photo

@@ -81,7 +81,7 @@ def face_layers(mesh: Mesh, texels: int = 250, steepest_deg: float = 70.0) -> li
 
 @pytest.fixture(scope="module")
 def vase():
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
 
     path = Path(os.environ.get("IBRPIPE_DATA", "")) / "captures" / "shiny_vase" / "mesh.ply"
     if not path.is_file():

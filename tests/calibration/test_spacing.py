@@ -12,9 +12,9 @@ from textured_corner import HEIGHT, WIDTH, cameras, write_photos
 from ibrpipe.calibration.spacing import ENOUGH, shared_of, words
 from ibrpipe.capture.view_spacing import WANTED
 from ibrpipe.errors import CaptureError
-from ibrpipe.io.colmap_write import ModelImage, SparseModel
-from ibrpipe.io.images import write_png
-from ibrpipe.io.lenses import Lens
+from ibrpipe.io.cameras.colmap_write import ModelImage, SparseModel
+from ibrpipe.io.cameras.lenses import Lens
+from ibrpipe.io.photos.images import write_png
 from ibrpipe.stages.calibrate import CalibrateConfig, Inputs, run
 from ibrpipe.types import Array, Camera
 

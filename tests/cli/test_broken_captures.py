@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from ibrpipe.cli.main import cli
 from ibrpipe.errors import IbrError
-from ibrpipe.io.images import write_exr, write_png
+from ibrpipe.io.photos.images import write_exr, write_png
 from ibrpipe.stages.ingest import IngestConfig, Inputs, run
 
 IMAGES, CAMERAS, TRANSFORMS = "sparse/0/images.txt", "sparse/0/cameras.txt", "transforms.json"
@@ -73,7 +73,7 @@ def mesh_text(capture, vertices, faces):
 
 
 def mesh_changed(capture, change):
-    from ibrpipe.io.meshes import read_mesh, write_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
     from ibrpipe.types import Mesh
 
     mesh = read_mesh(capture / "mesh.ply")

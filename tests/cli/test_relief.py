@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import ibrpipe
 from ibrpipe.cli.main import cli
-from ibrpipe.io.meshes import write_mesh
+from ibrpipe.io.surfaces.meshes import write_mesh
 from ibrpipe.types import Mesh
 
 

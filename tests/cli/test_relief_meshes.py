@@ -11,7 +11,7 @@ import trimesh
 from click.testing import CliRunner
 
 from ibrpipe.cli.main import cli
-from ibrpipe.io.images import read_depth
+from ibrpipe.io.photos.images import read_depth
 
 
 def call(*words):

@@ -12,7 +12,7 @@ import pytest
 from ibrpipe.core.similarity import move_places, move_poses
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.evaluation.ground_truth import find_truth, placed_truth
-from ibrpipe.io.meshes import write_mesh
+from ibrpipe.io.surfaces.meshes import write_mesh
 from ibrpipe.io.views import View, ViewSet
 from ibrpipe.stages import evaluate
 from ibrpipe.synthetic.layout import write_colmap_text

@@ -18,7 +18,7 @@ from ibrpipe.evaluation.report.surface_pictures import draw_surface, shade
 from ibrpipe.evaluation.report.surface_words import surface_sentences
 from ibrpipe.evaluation.surface_error import compare_surfaces
 from ibrpipe.io.dense import Workspace, write_map
-from ibrpipe.io.meshes import write_mesh
+from ibrpipe.io.surfaces.meshes import write_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.types import Camera, Mesh
 

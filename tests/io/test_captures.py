@@ -7,7 +7,7 @@ import pytest
 from ibrpipe import read_capture
 from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.captures import CaptureOptions
-from ibrpipe.io.images import read_image, write_png
+from ibrpipe.io.photos.images import read_image, write_png
 from ibrpipe.io.views import load_depth, load_view
 
 

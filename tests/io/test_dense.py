@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from ibrpipe.errors import FormatError, MissingFileError, ShapeError
+from ibrpipe.io.cameras.colmap import read_model
 from ibrpipe.io.captures import read_capture
-from ibrpipe.io.colmap import read_model
 from ibrpipe.io.dense import DepthMap, Workspace, read_map, write_map, write_workspace
 from ibrpipe.types import Array, Camera
 

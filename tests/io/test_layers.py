@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
-from ibrpipe.io.images import write_exr
 from ibrpipe.io.layers import CHANNELS, frame_as_json, frame_from_json, read_layers, write_layers
+from ibrpipe.io.photos.images import write_exr
 from ibrpipe.types import Camera, LayeredDepthImage, ParallelFrame
 
 FRAME = ParallelFrame((0.1, -2, 3), (0.5, 0, 0), (0, 0.25, 0.1), (0, 0, 1))

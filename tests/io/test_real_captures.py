@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from ibrpipe.core.color import luminance
+from ibrpipe.io.cameras.colmap import find_model, read_model
+from ibrpipe.io.cameras.transforms import read_transforms
 from ibrpipe.io.captures import CaptureOptions, read_capture
-from ibrpipe.io.colmap import find_model, read_model
-from ibrpipe.io.transforms import read_transforms
 from ibrpipe.io.views import load_depth, load_view
 from ibrpipe.native_imports import import_pycolmap
 from ibrpipe.stages.ingest import IngestConfig, Inputs, run
@@ -79,7 +79,7 @@ def test_poses_put_triangulated_points_where_they_were_measured(name):
 
 def test_true_depth_is_where_the_mesh_is():
     from ibrpipe.embree import MeshCaster
-    from ibrpipe.io.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_mesh
 
     capture = read_capture(real("captures/shiny_vase"))
     view = capture.test[0]

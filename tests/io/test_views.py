@@ -6,8 +6,8 @@ import pytest
 
 from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
-from ibrpipe.io.images import write_exr, write_png
-from ibrpipe.io.lenses import Lens, photo_positions, undistorted_calibration
+from ibrpipe.io.cameras.lenses import Lens, photo_positions, undistorted_calibration
+from ibrpipe.io.photos.images import write_exr, write_png
 from ibrpipe.io.views import View, ViewSet, load_depth, load_view, read_views, write_views
 from ibrpipe.types import Camera
 
@@ -21,7 +21,7 @@ def smooth(x, y):
 
 def bent_photo(path):
     """Photograph `smooth` through the bent lens, exactly: every photo pixel's own ray."""
-    from ibrpipe.io.lenses import _camera
+    from ibrpipe.io.cameras.lenses import _camera
 
     rows, columns = np.mgrid[0:150, 0:200] + 0.5
     rays = np.asarray(_camera(BENT).cam_from_img(np.stack([columns.ravel(), rows.ravel()], axis=1)))

@@ -10,11 +10,11 @@ import yaml
 from click.testing import CliRunner
 
 import ibrpipe
-from ibrpipe.bench.table2 import globe, torus
+from ibrpipe.bench.sizes.table2 import globe, torus
 from ibrpipe.cli.main import cli
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import ConfigError
-from ibrpipe.io.meshes import write_mesh
+from ibrpipe.io.surfaces.meshes import write_mesh
 from ibrpipe.modelling.depth_images import depth_images_asset
 from ibrpipe.modelling.frusta import (
     Frustum,

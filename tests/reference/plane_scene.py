@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ibrpipe.io.images import write_png
+from ibrpipe.io.photos.images import write_png
 from ibrpipe.io.points import SparsePoints
 from ibrpipe.io.views import View
 from ibrpipe.types import Camera

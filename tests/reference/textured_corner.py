@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ibrpipe.io.images import write_png
+from ibrpipe.io.photos.images import write_png
 from ibrpipe.types import Camera
 
 #: length of a wall; the corner is the origin, the walls are the planes x = 0, y = 0, z = 0

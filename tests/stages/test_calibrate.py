@@ -16,9 +16,9 @@ from ibrpipe.engine.documents import Calibration
 from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError, ResourceError
 from ibrpipe.io.captures import read_capture
-from ibrpipe.io.images import read_image, write_png
-from ibrpipe.io.meshes import write_mesh
+from ibrpipe.io.photos.images import read_image, write_png
 from ibrpipe.io.points import read_points
+from ibrpipe.io.surfaces.meshes import write_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.stages import calibrate, ingest
 from ibrpipe.stages.calibrate import CalibrateConfig, Inputs, run
@@ -73,7 +73,7 @@ def test_cameras_are_found_to_a_thousandth_of_the_arc(photos: Path, found: Path)
 
 
 def test_own_world_is_upright_and_a_camera_distance_wide(found: Path) -> None:
-    from ibrpipe.io.colmap import read_model
+    from ibrpipe.io.cameras.colmap import read_model
 
     poses = np.array([shot.cam_from_world for shot in read_model(found / "sparse/0", found)])
     assert (-poses[:, 1, 2]).min() > 0.5  # up in the photos is up in the world

@@ -17,8 +17,8 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
 from ibrpipe.evaluation.baselines import render_median
 from ibrpipe.evaluation.metrics import MetricsModel, mean_scores, read_metrics
-from ibrpipe.io.images import read_image
-from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.photos.images import read_image
+from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import ViewSet, read_views, write_views
 from ibrpipe.stages import evaluate, ingest, render
 from ibrpipe.types import Asset, LayeredDepthImage, SpiralTexture

@@ -9,8 +9,8 @@ import pytest
 from ibrpipe.capture import audit
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.captures import read_capture
-from ibrpipe.io.images import read_image, write_png
-from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.photos.images import read_image, write_png
+from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import load_view, read_views
 from ibrpipe.stages.ingest import STAGE, IngestConfig, Inputs, run
 
@@ -194,7 +194,7 @@ def test_a_distorted_capture_agrees_with_its_mesh(capture, tmp_path):
     """Photos bent on purpose, then straightened: the mesh's outline fits the masks again, and not without."""
     import cv2
 
-    from ibrpipe.io.lenses import Lens, _camera
+    from ibrpipe.io.cameras.lenses import Lens, _camera
 
     view = read_capture(capture).train[0]
     focal = view.camera.K[0, 0]

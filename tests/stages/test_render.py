@@ -11,7 +11,7 @@ import pytest
 
 from ibrpipe.errors import ConfigError, IbrError
 from ibrpipe.io.assets import write_asset
-from ibrpipe.io.images import read_depth, read_image
+from ibrpipe.io.photos.images import read_depth, read_image
 from ibrpipe.io.views import View, ViewSet, write_views
 from ibrpipe.renderers.renderer_spec import choose
 from ibrpipe.stages.render import STAGE, Inputs, RenderConfig, run

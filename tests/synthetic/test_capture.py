@@ -10,8 +10,8 @@ import pytest
 
 from ibrpipe.errors import ConfigError
 from ibrpipe.io.captures import read_capture
-from ibrpipe.io.images import read_coverage, read_image
-from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.photos.images import read_coverage, read_image
+from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import load_depth, load_view
 from ibrpipe.synthetic.capture import TINY, SynthConfig, plan_views, write_capture
 from ibrpipe.synthetic.photograph import measure_truth, take_photo

@@ -236,7 +236,7 @@ def test_the_lambert_scene_does_not_depend_on_the_view(tiny_lambert) -> None:
 
 
 def test_the_glossy_scene_does(tiny_glossy) -> None:
-    from ibrpipe.io.images import read_coverage, read_image
+    from ibrpipe.io.photos.images import read_coverage, read_image
 
     for test in sorted((tiny_glossy / "test" / "images").iterdir()):
         mask = read_coverage(tiny_glossy / "test" / "masks" / test.name) == 1

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ibrpipe.bench.surface import Surface, Texture, build_surface
+from ibrpipe.bench.oracles.surface import Surface, Texture, build_surface
 from ibrpipe.types import (
     Array,
     Camera,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ibrpipe.bench.report.template import picture
-from ibrpipe.bench.speed_error import Shown
+from ibrpipe.bench.speed_error.run import Shown
 from ibrpipe.types import Array
 
 #: errors in texels at the ends of the colour scale

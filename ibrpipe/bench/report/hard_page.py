@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.bench.cases import GROUPS
-from ibrpipe.bench.hard_cases import HardRun
-from ibrpipe.bench.hard_frames import WrongPixels
-from ibrpipe.bench.hard_results import Cell, Figures, HardCasesModel, Limits
+from ibrpipe.bench.hard_cases.frames import WrongPixels
+from ibrpipe.bench.hard_cases.results import Cell, Figures, HardCasesModel, Limits
+from ibrpipe.bench.hard_cases.run import HardRun
 from ibrpipe.bench.report.template import figure, fill, picture, share
 from ibrpipe.bench.settings import EXACT
 from ibrpipe.types import Array

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-from ibrpipe.bench.size_results import Table2Row
-from ibrpipe.bench.speed_results import ContenderFacts, Growth, Score, SpeedErrorModel
+from ibrpipe.bench.sizes.results import Table2Row
+from ibrpipe.bench.speed_error.results import ContenderFacts, Growth, Score, SpeedErrorModel
 
 INK, MUTED, GRID = "#1d2329", "#5d6770", "#e4e4df"
 #: colour of each renderer, in the order of the registry; peers are grey

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.bench.growth import ROUNDS
 from ibrpipe.bench.report.plots import region_plot, styles, table2_plot
 from ibrpipe.bench.report.template import fill, picture
-from ibrpipe.bench.size_results import GrowthModel, Table2Model, Table2Row
-from ibrpipe.bench.table2 import Table2Run
+from ibrpipe.bench.sizes.growth import ROUNDS
+from ibrpipe.bench.sizes.results import GrowthModel, Table2Model, Table2Row
+from ibrpipe.bench.sizes.table2 import Table2Run
 
 
 def write_table2_page(path: Path, run: Table2Run) -> None:

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ibrpipe.bench.advice import NEEDS, Advice, advise
 from ibrpipe.bench.report.error_pictures import draw_errors, gradient
 from ibrpipe.bench.report.plots import growth_plot, pareto_plot, region_plot, styles
 from ibrpipe.bench.report.template import figure, fill, share
-from ibrpipe.bench.speed_error import SpeedRun
-from ibrpipe.bench.speed_results import Score, SpeedErrorModel, WorkFacts
-from ibrpipe.bench.workloads import FIRST
+from ibrpipe.bench.speed_error.advice import NEEDS, Advice, advise
+from ibrpipe.bench.speed_error.results import Score, SpeedErrorModel, WorkFacts
+from ibrpipe.bench.speed_error.run import SpeedRun
+from ibrpipe.bench.speed_error.workloads import FIRST
 
 
 def write_speed_page(path: Path, run: SpeedRun) -> None:

@@ -17,7 +17,7 @@ from ibrpipe.capture.photo_set import PhotoSet, load_photos
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.embree import MeshCaster
 from ibrpipe.io.layers import read_layers
-from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.diffuse import DiffuseSource
 from ibrpipe.modelling.plan_file import TexturePlan, read_plan

@@ -6,7 +6,7 @@ from plane_scene import HEIGHT, NORMAL, PLACES, WIDTH, camera_at, rays, sparse, 
 
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.dense import read_map
-from ibrpipe.io.images import write_png
+from ibrpipe.io.photos.images import write_png
 from ibrpipe.io.views import View
 from ibrpipe.reconstruction import depth as dense
 from ibrpipe.reconstruction.depth.consistency import small_pieces

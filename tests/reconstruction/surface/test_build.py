@@ -12,7 +12,7 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
 from ibrpipe.evaluation.surface_error import compare_surfaces
 from ibrpipe.io.dense import DepthMap, Workspace, write_map
-from ibrpipe.io.meshes import read_mesh
+from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import View, read_views
 from ibrpipe.reconstruction.depth.fusion import Cloud, FusionRules, fuse
 from ibrpipe.reconstruction.depth.map_store import load_map, slope_normals
@@ -237,7 +237,7 @@ def test_triangles_get_the_size_asked_for() -> None:
 
 
 def test_the_mesh_keeps_its_values(tmp_path: Path) -> None:
-    from ibrpipe.io.meshes import read_vertex_values, write_mesh
+    from ibrpipe.io.surfaces.meshes import read_vertex_values, write_mesh
 
     mesh = _sheet(2)
     values = {"confidence": np.linspace(0, 1, 9).astype(np.float32), "observations": np.arange(9, dtype=np.int32)}

@@ -11,7 +11,7 @@ import ibrpipe
 from ibrpipe.embree import MeshCaster
 from ibrpipe.evaluation.report.surface_words import surface_sentences
 from ibrpipe.io.layers import read_layers
-from ibrpipe.io.meshes import read_mesh, write_mesh
+from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import load_view, read_views
 from ibrpipe.modelling.frusta import Frustum
 from ibrpipe.reconstruction.depth.evidence import evidence

@@ -1,0 +1,1 @@
+"""Hard cases of numerical stability: every renderer against an exact oracle."""

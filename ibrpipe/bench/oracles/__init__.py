@@ -1,0 +1,1 @@
+"""Exact, slow answers that renderers are measured against."""

@@ -1,0 +1,1 @@
+"""How time grows with size, and the paper's own table."""

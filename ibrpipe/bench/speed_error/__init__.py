@@ -1,0 +1,1 @@
+"""Speed against error, renderers and baselines in one run."""

@@ -1,0 +1,1 @@
+"""Camera files of other programs: one typed outcome for every format."""

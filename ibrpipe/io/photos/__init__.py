@@ -1,0 +1,1 @@
+"""Photo files: pixels, colour spaces, orientation, exposure, masks."""

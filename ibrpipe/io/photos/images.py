@@ -1,0 +1,230 @@
+"""Image files to linear-light arrays and back, through OpenImageIO.
+
+Inside, colour is linear light with Rec.709 primaries (float32). What a file declares (or its kind implies: integers are
+sRGB, floats are linear) is converted on reading; alpha and masks are plain coverage and never converted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.core.color import decode_table, srgb_encode, to_bytes
+from ibrpipe.errors import FormatError, MissingFileError, ResourceError, ShapeError
+from ibrpipe.io.photos.image_files import LINEAR, SRGB, one_line, read_stored, turned
+from ibrpipe.types import Array
+
+#: OpenImageIO stamps the time of writing into EXR files unless one is given; equal input must give equal bytes
+FIXED_DATE = "2000:01:01 00:00:00"
+
+
+def read_image(path: Path, color_space: str | None = None, oriented: bool = True) -> Array:
+    """Read an image as linear light.
+
+    Parameters
+    ----------
+    path : Path
+    color_space : str, optional
+        Name of the space its colours are in (an OpenColorIO name such as ``srgb_rec709_scene``, ``lin_rec709_scene``,
+        ``AdobeRGB``); by default what the file declares, else sRGB for integers and linear for floats.
+    oriented : bool
+        Obey the orientation tag, so that the picture stands upright.
+
+    Returns
+    -------
+    (H, W, C) float32
+        Linear Rec.709 colour, not premultiplied; C = 1 (grey), 2 (grey, alpha), 3 or 4 (with alpha).
+
+    Raises
+    ------
+    MissingFileError, FormatError
+        The file is missing, damaged, not an image, or in an unknown colour space.
+    """
+    pixels, header = read_stored(path)
+    names = _colour_channels(header.channels)
+    chosen = [header.channels.index(name) for name in names]
+    pixels = np.ascontiguousarray(pixels[:, :, chosen])
+    linear = _linear(pixels, len(names) - header.has_alpha, color_space or header.color_space, path)
+    if header.has_alpha and not header.integer:
+        _unpremultiply(linear)
+    return turned(linear, header.orientation) if oriented else linear
+
+
+def read_coverage(path: Path, oriented: bool = True) -> Array:
+    """Read a mask file's first channel (its alpha where the file holds only that) as plain values in 0..1.
+
+    Returns
+    -------
+    (H, W) float32
+        Integer files divided by their full scale, except that 8-bit files of zeros and ones are taken as such.
+    """
+    pixels, header = read_stored(path)
+    plane = pixels[:, :, 0]
+    if header.has_alpha and (plane == plane.flat[0]).all():
+        plane = pixels[:, :, header.channels.index("A")]
+    if header.integer:
+        scale = 1 if plane.max() == 1 else np.iinfo(plane.dtype).max
+        plane = plane.astype(np.float32) / np.float32(scale)
+    plane = np.clip(plane.astype(np.float32), 0.0, 1.0)
+    return np.ascontiguousarray(turned(plane, header.orientation) if oriented else plane)
+
+
+def read_depth(path: Path) -> Array:
+    """Read a depth map (EXR or other float image, .npy, 16-bit PNG): (H, W) float32, scene units along camera z.
+
+    16-bit files are those of RGB-D cameras: millimetres, of a scene in metres.
+
+    Zero, negative, NaN and infinite entries mean "nothing there" and come back as +inf.
+    """
+    if path.suffix.lower() == ".npy":
+        if not path.is_file():
+            raise MissingFileError(f"{path}: the depth file does not exist")
+        try:
+            depth = np.load(path, allow_pickle=False)
+        except (ValueError, EOFError, OSError) as error:
+            raise FormatError(f"{path}: not a NumPy array file ({error}); write it with numpy.save") from error
+    else:
+        pixels, header = read_stored(path)
+        depth = pixels[:, :, header.channels.index("Z") if "Z" in header.channels else 0]
+        if header.integer:
+            if depth.dtype != np.uint16:
+                raise FormatError(
+                    f"{path}: depth is stored as {depth.dtype} integers; expected float EXR or .npy in scene units, or "
+                    "16-bit PNG in millimetres"
+                )
+            depth = depth.astype(np.float32) / np.float32(1000.0)
+    depth = np.squeeze(depth)
+    if depth.ndim != 2 or not np.issubdtype(depth.dtype, np.floating):
+        raise FormatError(f"{path}: depth must be a float array (H, W), got {depth.dtype} {depth.shape}")
+    depth = depth.astype(np.float32)
+    return np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(np.inf))
+
+
+def write_png(path: Path, linear: Array, alpha: Array | None = None) -> None:
+    """Write linear Rec.709 colour as an 8-bit sRGB PNG.
+
+    Parameters
+    ----------
+    path : Path
+    linear : (H, W, 3) or (H, W) float
+        Clipped to 0..1.
+    alpha : (H, W) float, optional
+        Coverage 0..1, written as straight (not premultiplied) alpha.
+    """
+    _check_picture(linear)
+    planes = [to_bytes(srgb_encode(_three_axes(linear)))]
+    if alpha is not None:
+        planes.append(to_bytes(alpha)[:, :, None])
+    _write(path, np.concatenate(planes, axis=2), {"oiio:ColorSpace": SRGB, "oiio:UnassociatedAlpha": 1})
+
+
+def write_exr(path: Path, channels: Mapping[str, Array] | Array, half: bool = False) -> None:
+    """Write float channels as a ZIP-compressed OpenEXR file, linear Rec.709.
+
+    Parameters
+    ----------
+    path : Path
+    channels : mapping of name to (H, W) float, or (H, W[, C]) float
+        An array of 1, 2, 3, 4 channels is named Y, YA, RGB, RGBA. Alpha is taken as premultiplied, as EXR defines it.
+    half : bool
+        Store 16-bit floats.
+    """
+    if not isinstance(channels, Mapping):
+        _check_picture(channels)
+        picture = _three_axes(channels)
+        names = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}.get(picture.shape[2])
+        if names is None:
+            raise ShapeError(f"an array of {picture.shape[2]} channels needs names; pass a mapping of name to array")
+        channels = {name: picture[:, :, i] for i, name in enumerate(names)}
+    shapes = {np.shape(plane) for plane in channels.values()}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+        raise ShapeError(f"channels must all be (H, W) of one size, got {sorted(shapes)}")
+    stack = np.stack([np.asarray(plane, np.float32) for plane in channels.values()], axis=2)
+    attributes = {"oiio:ColorSpace": LINEAR, "compression": "zip", "DateTime": FIXED_DATE}
+    _write(path, stack, attributes, list(channels), "half" if half else "float")
+
+
+def _colour_channels(names: tuple[str, ...]) -> list[str]:
+    """Names of the grey or RGB channels, then A where present; the first channel if nothing is called so."""
+    colours = ["R", "G", "B"] if {"R", "G", "B"} <= set(names) else [("Y" if "Y" in names else names[0])]
+    return colours + (["A"] if "A" in names else [])
+
+
+def _linear(pixels: Array, colours: int, space: str, path: Path) -> Array:
+    """Convert the first `colours` channels to linear Rec.709 and the rest to 0..1; float32."""
+    levels = np.iinfo(pixels.dtype).max + 1 if np.issubdtype(pixels.dtype, np.integer) else 0
+    config = _color_config()
+    if config.getColorSpaceIndex(space) < 0:
+        raise FormatError(f"{path}: unknown colour space {space!r}; expected a name such as {SRGB}, {LINEAR}, AdobeRGB")
+    if levels and config.equivalent(space, SRGB):
+        linear = _table(levels)[pixels]
+        linear[:, :, colours:] = pixels[:, :, colours:] / np.float32(levels - 1)
+        return linear
+    linear = pixels.astype(np.float32) / np.float32(levels - 1) if levels else pixels.astype(np.float32)
+    if not config.equivalent(space, LINEAR):
+        linear[:, :, :colours] = _converted(linear[:, :, :colours], space, path)
+    return linear
+
+
+@lru_cache(maxsize=1)
+def _color_config() -> Any:
+    """OpenColorIO's built-in config, whatever the environment says: results must not depend on it."""
+    import OpenImageIO as oiio
+
+    return oiio.ColorConfig("ocio://default")
+
+
+@lru_cache(maxsize=2)
+def _table(levels: int) -> Array:
+    return decode_table(levels)
+
+
+def _converted(colour: Array, space: str, path: Path) -> Array:
+    """Convert (H, W, 1 or 3) from a named space to linear Rec.709 through OpenColorIO's built-in config."""
+    import OpenImageIO as oiio
+
+    buffer = oiio.ImageBuf(np.ascontiguousarray(np.broadcast_to(colour, (*colour.shape[:2], 3))))
+    result = oiio.ImageBufAlgo.colorconvert(buffer, space, LINEAR, colorconfig="ocio://default")
+    if result.has_error:
+        raise FormatError(f"{path}: colours do not convert from {space!r} ({one_line(result.geterror())})")
+    return np.asarray(result.get_pixels(oiio.FLOAT))[:, :, : colour.shape[2]]
+
+
+def _unpremultiply(linear: Array) -> None:
+    alpha = linear[:, :, -1:]
+    np.divide(linear[:, :, :-1], alpha, out=linear[:, :, :-1], where=alpha > 0)
+
+
+def _check_picture(picture: Array) -> None:
+    if np.ndim(picture) not in (2, 3) or np.size(picture) == 0:
+        raise ShapeError(f"a picture must be (H, W) or (H, W, C) and not empty, got {np.shape(picture)}")
+
+
+def _three_axes(picture: Array) -> Array:
+    array = np.asarray(picture)
+    return array[:, :, None] if array.ndim == 2 else array
+
+
+def _write(
+    path: Path, pixels: Array, attributes: Mapping[str, Any], names: list[str] | None = None, kind: str | None = None
+) -> None:
+    import OpenImageIO as oiio
+
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, kind or str(pixels.dtype))
+    if names:
+        spec.channelnames = tuple(names)
+    elif channels in (2, 4):
+        spec.alpha_channel = channels - 1
+    for key, value in attributes.items():
+        spec.attribute(key, value)
+    target = oiio.ImageOutput.create(str(path))
+    if target is None:
+        raise FormatError(f"{path}: no writer for this kind of file ({one_line(oiio.geterror())})")
+    written = target.open(str(path), spec) and target.write_image(np.ascontiguousarray(pixels)) and target.close()
+    if not written:
+        raise ResourceError(f"{path}: cannot be written ({one_line(target.geterror())}); check the disk and the folder")

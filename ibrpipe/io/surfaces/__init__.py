@@ -1,0 +1,1 @@
+"""Meshes, their materials, and relief images."""
