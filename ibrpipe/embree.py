@@ -104,14 +104,11 @@ class MeshCaster:
 
     def cast_camera(self, camera: Camera) -> Hits:
         """Cast one ray per pixel centre; `t` is then the depth along camera z, arrays are (H, W[, 3])."""
-        x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-        directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
-        return self.cast(camera.center, directions)
+        return self.cast(camera.center, camera.pixel_rays())
 
     def prepared_cast(self, camera: Camera) -> Callable[[], object]:
         """Return a function that casts one ray per pixel, the rays laid out beforehand: for timing Embree alone."""
-        x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-        rays = self._rays(camera.center, np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T)
+        rays = self._rays(camera.center, camera.pixel_rays())
         return lambda: self._scene.cast_rays(rays, nthreads=self._threads)
 
     def occluded(self, origins: Array, directions: Array, near: float, far: float) -> Array:

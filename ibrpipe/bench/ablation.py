@@ -22,7 +22,7 @@ from ibrpipe.core.spiral import directions
 from ibrpipe.core.spiral.lookup import neighbours
 from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, ConfigError, IbrError
-from ibrpipe.evaluation.baselines import camera_rays, render_ulr
+from ibrpipe.evaluation.baselines import render_ulr
 from ibrpipe.evaluation.image_scores import psnr, to_srgb8
 from ibrpipe.io.residuals import read_residuals, write_residuals
 from ibrpipe.io.views import View, load_view, read_views
@@ -185,7 +185,7 @@ def _directions(context: Context, closed: bool) -> Shot:
     def shot(camera: Camera) -> Array:
         hits = context.caster.cast_camera(camera)
         hit = np.isfinite(hits.t)
-        rays = camera_rays(camera)[hit]
+        rays = camera.pixel_rays()[hit]
         points = camera.center + rays * hits.t[hit][:, None].astype(np.float64)
         toward = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
         normals = context.caster.smooth_normals(hits.face[hit], hits.uv[hit])

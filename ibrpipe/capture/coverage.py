@@ -113,7 +113,5 @@ def agreement(camera: Camera, mask: Array, caster: MeshCaster, side: int = 160) 
     wanted = mask[rows][:, columns] >= 0.5
     union = (met | wanted).sum()
     overlap = float((met & wanted).sum() / union) if union else float("nan")
-    x, y = np.meshgrid(np.arange(small.width) + 0.5, np.arange(small.height) + 0.5)
-    directions = np.stack([x, y, np.ones_like(x)], axis=-1) @ small.world_from_pixel.T
-    backs = (directions[met] * hits.normal[met]).sum(axis=-1) > 0
+    backs = (small.pixel_rays()[met] * hits.normal[met]).sum(axis=-1) > 0
     return overlap, float(backs.mean()) if met.any() else float("nan")

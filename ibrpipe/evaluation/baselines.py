@@ -53,7 +53,7 @@ def render_median(camera: Camera, caster: MeshCaster, photos: PhotoSet) -> Frame
 def _shade_mesh(camera: Camera, caster: MeshCaster, shade: Shade) -> Frame:
     hits = caster.cast_camera(camera)
     hit = np.isfinite(hits.t)
-    rays = camera_rays(camera)[hit]
+    rays = camera.pixel_rays()[hit]
     points = camera.center + rays * hits.t[hit][:, None].astype(np.float64)
     toward = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
     shaded = shade(points, _facing(hits.normal[hit], toward), toward)
@@ -61,12 +61,6 @@ def _shade_mesh(camera: Camera, caster: MeshCaster, shade: Shade) -> Frame:
     color, alpha = np.zeros((*hit.shape, 3), np.float32), np.zeros(hit.shape, np.float32)
     color[hit], alpha[hit] = np.where(known[:, None], shaded, 0.0), known
     return Frame(color, hits.t, alpha, {"unseen": int((~known).sum())})
-
-
-def camera_rays(camera: Camera) -> Array:
-    """Return world directions through the pixel centres with camera z = 1, (H, W, 3) float64."""
-    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    return np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
 
 
 def _facing(normals: Array, toward: Array) -> Array:

@@ -24,8 +24,8 @@ def samples_of(camera: Camera, depth: Array) -> Array:
     step = max(1, int((depth.size / SAMPLES) ** 0.5))
     row, column = np.nonzero(depth[step // 2 :: step, step // 2 :: step] > 0)
     row, column = row * step + step // 2, column * step + step // 2
-    pixels = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], axis=1)
-    return camera.center + depth[row, column, None].astype(np.float64) * (pixels @ camera.world_from_pixel.T)
+    rays = camera.pixel_rays(np.stack([column, row], axis=1) + 0.5)
+    return camera.center + depth[row, column, None].astype(np.float64) * rays
 
 
 def seen_in(camera: Camera, depth: Array, points: Array) -> tuple[Array, Array]:

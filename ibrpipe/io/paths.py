@@ -250,6 +250,6 @@ def _sample_positions(layers: LayeredDepthImage) -> Array:
     row, column = np.repeat(np.indices(counts.shape).reshape(2, -1), counts.ravel(), axis=1) + 0.5
     depth = layers.depth.astype(np.float64)
     if isinstance(layers.frame, Camera):
-        rays = np.stack([column, row, np.ones_like(row)], axis=1) @ layers.frame.world_from_pixel.T
+        rays = layers.frame.pixel_rays(np.stack([column, row], axis=1))
         return layers.frame.center + depth[:, None] * rays
     return layers.frame.origin + np.stack([column, row, depth], axis=1) @ layers.frame.world_from_local.T

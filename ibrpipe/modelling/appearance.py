@@ -236,7 +236,7 @@ def _photo_surface(
     taken = np.isin(block, rng.choice(numbers, min(most, len(numbers)), replace=False))
     pixels, block = inside[taken], block[taken]
     row, column = pixels // camera.width, pixels % camera.width
-    directions = np.stack([column + 0.5, row + 0.5, np.ones(len(pixels))], axis=1) @ camera.world_from_pixel.T
+    directions = camera.pixel_rays(np.stack([column, row], axis=1) + 0.5)
     points = camera.center + hits.t.ravel()[pixels, None].astype(np.float64) * directions
     normals = caster.smooth_normals(hits.face.ravel()[pixels], hits.uv.reshape(-1, 2)[pixels])
     picture = np.where(shown[:, None], photos.code[own], np.float32(np.nan))

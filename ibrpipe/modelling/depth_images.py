@@ -40,9 +40,7 @@ def _asset(layers: Sequence[LayeredDepthImage], names: Sequence[str], made_from:
 
 
 def _layers(caster: MeshCaster, camera: Camera) -> LayeredDepthImage:
-    hits = caster.cast_camera(camera)
-    ways = np.stack(np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5), axis=-1)
-    ways = np.concatenate([ways, np.ones((*ways.shape[:2], 1))], axis=-1) @ camera.world_from_pixel.T
+    hits, rays = caster.cast_camera(camera), camera.pixel_rays()
     normal = caster.flat_normals[np.maximum(hits.face, 0)]
-    there = (hits.face >= 0) & ((ways * normal).sum(axis=-1) < 0)
+    there = (hits.face >= 0) & ((rays * normal).sum(axis=-1) < 0)
     return single_layer(camera, np.where(there, hits.t, np.inf), clay(normal), normal, observed=True)

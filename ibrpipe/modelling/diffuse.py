@@ -43,8 +43,7 @@ def diffuse_frame(caster: MeshCaster, diffuse: DiffuseSource, camera: Camera) ->
     """Diffuse colour (H, W, 3) float32 linear at the mesh's surface, depth (H, W) float32, and where it is known."""
     hits = caster.cast_camera(camera)
     hit = np.isfinite(hits.t)
-    row, column = np.nonzero(hit)
-    rays = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], axis=1) @ camera.world_from_pixel.T
+    rays = camera.pixel_rays(camera.pixel_centers()[hit])
     points = camera.center + hits.t[hit][:, None].astype(np.float64) * rays
     found = diffuse.at(points, caster.smooth_normals(hits.face[hit], hits.uv[hit]))
     color, known = np.zeros((*hit.shape, 3), np.float32), np.zeros(hit.shape, bool)

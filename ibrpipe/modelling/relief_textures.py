@@ -220,8 +220,7 @@ def _range_mesh(image: DepthImage) -> tuple[Array, Array, Array]:
     """Points (H W, 3) world, colours (H W, 3), faces (F, 3) of a depth image."""
     camera, depth = image.camera, image.depth.astype(np.float64)
     row, column = np.indices(depth.shape)
-    rays = np.stack([column + 0.5, row + 0.5, np.ones(depth.shape)], axis=-1) @ camera.world_from_pixel.T
-    points = camera.center + np.nan_to_num(depth)[..., None] * rays
+    points = camera.center + np.nan_to_num(depth)[..., None] * camera.pixel_rays()
     index = row * depth.shape[1] + column
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
     faces = np.concatenate([np.stack(three, axis=-1).reshape(-1, 3) for three in ((a, c, b), (b, c, d))])

@@ -42,7 +42,7 @@ class Truth:
 
 def _hits(staged: StagedScene, camera: Camera, x: Array, y: Array) -> tuple[Array, Array, Samples, Array]:
     """Cast pixel positions x, y (N,): indices of hits (M,), their depth, the samples and unit vectors to the eye."""
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
+    rays = camera.pixel_rays(np.stack([x, y], axis=-1))
     hits = staged.caster.cast(camera.center, rays)
     hit = np.flatnonzero(hits.face >= 0)
     depth, rays = hits.t[hit].astype(np.float64), rays[hit]

@@ -69,6 +69,21 @@ class Camera:
         """(3, 3) float64: world direction of pixel (x, y) is this @ (x, y, 1); its camera z is 1."""
         return self.R.T @ np.linalg.inv(self.K)
 
+    def pixel_centers(self) -> Array:
+        """Places x, y of all pixels' centres in the picture, (H, W, 2) float64 pixels."""
+        return np.stack(np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5), axis=-1)
+
+    def pixel_rays(self, pixels: ArrayLike | None = None) -> Array:
+        """World directions of the rays through places in the picture, (..., 3) float64; their camera z is 1.
+
+        Parameters
+        ----------
+        pixels : (..., 2) array_like, optional
+            x, y in pixels; pixel (0, 0)'s centre is at (0.5, 0.5). All pixels' centres if not given: (H, W, 3).
+        """
+        places = self.pixel_centers() if pixels is None else np.asarray(pixels, np.float64)
+        return np.concatenate([places, np.ones((*places.shape[:-1], 1))], axis=-1) @ self.world_from_pixel.T
+
     def resized(self, width: int, height: int) -> Camera:
         """Return the same view at another size in pixels."""
         scale = np.diag([width / self.width, height / self.height, 1.0])

@@ -8,7 +8,7 @@ import pytest
 from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.core.color import srgb_decode
 from ibrpipe.embree import MeshCaster
-from ibrpipe.evaluation.baselines import camera_rays, render_median, render_ulr
+from ibrpipe.evaluation.baselines import render_median, render_ulr
 from ibrpipe.types import Camera, Mesh
 
 #: display codes of the photos, one colour each
@@ -47,7 +47,7 @@ def photo_set(caster, blocked=()):
 
 def by_hand(camera, row, column, photos):
     """Colour of one pixel as display code: weights dot_i - dot_4 over the photos allowed."""
-    ray = camera_rays(camera)[row, column]
+    ray = camera.pixel_rays()[row, column]
     point = camera.center - ray * camera.center[2] / ray[2]
     toward = (camera.center - point) / np.linalg.norm(camera.center - point)
     to_photos = EYES[photos] - point

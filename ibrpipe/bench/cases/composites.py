@@ -39,8 +39,7 @@ def _six_images() -> list[Shot]:
 
 def _ball(camera: Camera, middle: tuple[float, float, float], radius: float) -> DepthImage:
     """Return the closed-form picture of a ball, painted by its normals."""
-    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
-    ways = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
+    ways = camera.pixel_rays()
     apart = camera.center - np.array(middle)
     a, b, c = (ways * ways).sum(axis=-1), ways @ apart, apart @ apart - radius**2
     root = b * b - a * c

@@ -71,8 +71,7 @@ def expected(texture: SpiralTexture, camera: Camera) -> Array:
     """(H, W, 3) float64 exact colour, every turn and every pair of samples tried."""
     residuals = texture.residuals
     assert residuals is not None
-    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
-    ways = -np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
+    ways = -camera.pixel_rays()
     ways = (ways / np.linalg.norm(ways, axis=-1, keepdims=True) * (1, 1, -1)).reshape(-1, 3)
     values = residual_of(residuals.directions)
     found = np.stack([_blend(way, residuals.alphas, residuals.k, values) for way in ways])

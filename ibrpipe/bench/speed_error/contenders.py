@@ -132,8 +132,7 @@ def _embree(work: Workload) -> Ready | None:
 
     def frame(camera: Camera) -> Frame:
         depth = caster.cast_camera(camera).t
-        y, x = np.mgrid[: camera.height, : camera.width] + 0.5
-        ways = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
+        ways = camera.pixel_rays()
         there = np.isfinite(depth)
         color = np.zeros((*depth.shape, 3))
         color[there] = _painted(work, camera.center + depth[there, None].astype(np.float64) * ways[there])
@@ -174,8 +173,7 @@ def _flat(work: Workload) -> Ready | None:
     taken = 1e3 * (perf_counter() - began)
 
     def aim(camera: Camera) -> tuple[Array, Array]:
-        y, x = np.mgrid[: camera.height, : camera.width] + 0.5
-        ways = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
+        ways = camera.pixel_rays()
         with np.errstate(divide="ignore", invalid="ignore"):
             start = source.frame.local_from_world @ (camera.center - source.frame.origin)
             step = ways @ source.frame.local_from_world.T

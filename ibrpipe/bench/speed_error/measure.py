@@ -158,8 +158,8 @@ def _gross(got: Array, truth: fields.Truth, way: Array, texel: Array, camera: Ca
 
 def ray_lengths(camera: Camera) -> Array:
     """(H, W) float64: length of a pixel's ray per unit of depth along camera z."""
-    ways = np.column_stack([fields.pixel_centers(camera), np.ones(camera.width * camera.height)])
-    return np.linalg.norm(ways @ camera.world_from_pixel.T, axis=1).reshape(camera.height, camera.width)
+    rays = camera.pixel_rays(fields.pixel_centers(camera))
+    return np.linalg.norm(rays, axis=1).reshape(camera.height, camera.width)
 
 
 def _nan_color(frame: Frame) -> Array | bool:
@@ -195,7 +195,7 @@ def displacement(
     Neither is more than the distance along the ray says: on cliffs that is the better measure.
     """
     shift, off = np.full(got.shape, np.nan), np.full(got.shape, np.nan)
-    ways = np.column_stack([fields.pixel_centers(camera), np.ones(got.size)]) @ camera.world_from_pixel.T
+    ways = camera.pixel_rays(fields.pixel_centers(camera))
     for number, surface in enumerate(surfaces):
         here = (chosen & (owner == number)).ravel()
         if not here.any():

@@ -81,7 +81,7 @@ class Workload:
         if self.kind == "height field":
             hits = fields.cast(self.surfaces, camera, points, brute=False)
             return fields.colors_at(self.surfaces, camera, points, hits)[0]
-        ways = np.column_stack([points, np.ones(len(points))]) @ camera.world_from_pixel.T
+        ways = camera.pixel_rays(points)
         t = self.caster.cast(camera.center, ways).t.astype(np.float64)
         there = np.isfinite(t)
         out = np.zeros((len(points), 3))

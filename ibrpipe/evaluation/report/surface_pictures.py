@@ -91,7 +91,7 @@ def shade(caster: MeshCaster, hits: Hits, camera: Camera) -> Array:
     if not met.any():
         return picture
     normal = caster.smooth_normals(hits.face[met], hits.uv[met])
-    rays = _rays(camera)[met]
+    rays = camera.pixel_rays()[met]
     facing = -(normal * rays).sum(axis=1) / np.linalg.norm(rays, axis=1)
     back = (hits.normal[met] * rays).sum(axis=1) > 0
     lamp = -(camera.R[2] + 0.7 * camera.R[1] + 0.5 * camera.R[0])
@@ -104,11 +104,6 @@ def shade(caster: MeshCaster, hits: Hits, camera: Camera) -> Array:
 
 def _worst(truth: MeshCaster) -> float:
     return WORST * float(np.linalg.norm(np.ptp(truth.mesh.vertices, axis=0)))
-
-
-def _rays(camera: Camera) -> Array:
-    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    return np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.world_from_pixel.T
 
 
 def _confidence(mesh: Mesh, hits: Hits, confidence: Array) -> Array:
@@ -127,7 +122,7 @@ def _distances(hits: Hits, camera: Camera, other: MeshCaster, worst: float) -> A
     met = hits.face >= 0
     picture = np.empty((*met.shape, 3), np.uint8)
     picture[:] = PAPER
-    points = camera.center + hits.t[met][:, None].astype(np.float64) * _rays(camera)[met]
+    points = camera.center + hits.t[met][:, None].astype(np.float64) * camera.pixel_rays()[met]
     apart = np.linalg.norm(points - other.closest(points)[0], axis=1)
     picture[met] = error_colors()[np.clip(255 * apart / worst, 0, 255).astype(int)]
     return picture

@@ -159,8 +159,7 @@ def _judged(packed: Packed, rule: Array, marks: Array, shape: tuple[int, ...]) -
 
 def _cloud(own: LoadedMap, mean: Array, normal: Array, votes: Array, chosen: Array) -> Cloud:
     row, column = np.nonzero(chosen)
-    pixels = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], axis=1)
-    rays, z = pixels @ own.camera.world_from_pixel.T, mean[row, column, 0].astype(np.float64)
+    rays, z = own.camera.pixel_rays(np.stack([column, row], axis=1) + 0.5), mean[row, column, 0].astype(np.float64)
     flat = np.abs((rays / np.linalg.norm(rays, axis=1, keepdims=True) * normal[row, column]).sum(axis=1))
     spacing = z / own.camera.K[0, 0] / np.sqrt(np.maximum(flat, 0.1))
     return Cloud(

@@ -33,7 +33,7 @@ def angles_between(view: View, others: Sequence[View], depth: Array, middle: flo
     rows, columns = np.nonzero(depth > 0)
     step = max(len(rows) // PIXELS, 1)
     rows, columns = rows[step // 2 :: step], columns[step // 2 :: step]
-    rays = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))], axis=1) @ camera.world_from_pixel.T
+    rays = camera.pixel_rays(np.stack([columns, rows], axis=1) + 0.5)
     away = rays * depth[rows, columns, None]
     if len(rows) < FEWEST:
         away = middle * camera.R[2:3]

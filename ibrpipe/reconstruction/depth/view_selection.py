@@ -171,7 +171,7 @@ def _rays(camera: Camera, mask: Array) -> Array:
     rows, columns = (rows[even], columns[even]) if even.any() else (rows, columns)
     x = (columns + 0.5) * camera.width / mask.shape[1]
     y = (rows + 0.5) * camera.height / mask.shape[0]
-    return np.stack([x, y, np.ones_like(x)], axis=1) @ camera.world_from_pixel.T
+    return camera.pixel_rays(np.stack([x, y], axis=1))
 
 
 def _look(camera: Camera, other: Camera, mask: Array, rays: Array, q: Array) -> tuple[Array, Array, Array]:

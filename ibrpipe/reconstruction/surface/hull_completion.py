@@ -105,7 +105,7 @@ def demanded(seen: Mesh, hull: Mesh, outlines: Sequence[Outline], step: float) -
     asked, missed, pixels = np.zeros(len(hull.vertices), bool), 0, 0
     for each in track(outlines, "masks"):
         row, column = np.nonzero(each.distance < -INSIDE)
-        rays = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], axis=1) @ each.camera.world_from_pixel.T
+        rays = each.camera.pixel_rays(np.stack([column, row], axis=1) + 0.5)
         open_rays = rays[surface.cast(each.camera.center, rays).face < 0]
         missed, pixels = missed + len(open_rays), pixels + len(rays)
         places = _pieces(bound, each, open_rays)

@@ -79,9 +79,7 @@ def _picture(view: View) -> Picture:
 
 def _surface(caster: MeshCaster, here: Picture) -> Array:
     """Points (H, W, 3) of the front that the pixels of the mask show; NaN elsewhere."""
-    hits, height, width = caster.cast_camera(here.camera), *here.grey.shape
-    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ here.camera.world_from_pixel.T
+    hits, rays = caster.cast_camera(here.camera), here.camera.pixel_rays()
     front = (hits.face >= 0) & ((hits.normal * rays).sum(axis=2) < 0) & (here.valid > 0)
     return here.camera.center + np.where(front, hits.t, np.nan)[..., None] * rays
 

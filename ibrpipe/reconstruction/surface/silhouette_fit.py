@@ -172,7 +172,7 @@ def _asked(shape: Shape, caster: MeshCaster, outline: Outline, rim: Array) -> tu
 def _ends(caster: MeshCaster, outline: Outline, points: Array, beyond: Array) -> Array:
     """Say at which points (N, 3) the surface ends in a picture: nothing hides them, nothing is `beyond` (N, 2)."""
     camera = outline.camera
-    rays = np.concatenate([beyond, np.ones((len(beyond), 1))], axis=1) @ camera.world_from_pixel.T
+    rays = camera.pixel_rays(beyond)
     before = caster.cast(camera.center, points - camera.center)
     return (caster.cast(camera.center, rays).face < 0) & ~(before.t < 1 - _BEHIND / camera.K[0, 0])
 

@@ -128,9 +128,7 @@ def _settled(total: Array, free: Array, outer: Array | None, weights: Weights) -
 
 
 def _toward(each: LoadedMap) -> Array:
-    height, width = each.depth.shape
-    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ each.camera.world_from_pixel.T
+    rays = each.camera.pixel_rays()
     return rays / np.linalg.norm(rays, axis=2, keepdims=True)
 
 

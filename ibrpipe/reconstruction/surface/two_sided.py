@@ -186,10 +186,9 @@ class _Look:
 
 
 def _looks(caster: MeshCaster, each: LoadedMap) -> _Look:
-    hits, height, width = caster.cast_camera(each.camera), *each.depth.shape
+    hits = caster.cast_camera(each.camera)
     met = (hits.face >= 0) & (each.mask >= 0.5)
-    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    rays = np.stack([x[met], y[met], np.ones(int(met.sum()))], axis=-1) @ each.camera.world_from_pixel.T
+    rays = each.camera.pixel_rays(each.camera.pixel_centers()[met])
     slope = (hits.normal[met] * rays).sum(axis=1)
     before = hits.t[met].astype(np.float64) - each.depth[met]
     return _Look(hits.face[met], slope > 0, each.depth[met] > 0, before, before * np.abs(slope))
