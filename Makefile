@@ -31,5 +31,5 @@ setup: .venv/.ready
 	@.ci/setup
 
 clean:  ## remove the environment, caches and the demo
-	rm -rf .venv demo bench build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks *.egg-info
+	rm -rf .venv demo bench build dist failed-pictures .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
