@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.core.similarity import between_degrees, centers, fit_cameras, move_poses, turn_degrees
+from ibrpipe.core.similarity import centers, direction_angle_deg, fit_cameras, move_poses, rotation_angle_deg
 from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.cameras.colmap import find_model, is_model, read_model
 from ibrpipe.io.cameras.lenses import Lens, directions_of
@@ -15,7 +15,7 @@ from ibrpipe.io.cameras.shots import Shot
 from ibrpipe.io.captures import has_cameras, read_shots
 from ibrpipe.types import Array
 
-#: Rays of so many places along each side of a photo are compared
+#: Rays of so many points along each side of a photo are compared
 GRID = 16
 
 
@@ -41,7 +41,7 @@ def compare_cameras(path: Path, truth: Path) -> dict[str, Any]:
 
     Notes
     -----
-    The rotation of a camera and the place of its principal point hang together: a principal point that lies aside and a
+    A camera's rotation and the position of its principal point hang together: a principal point that lies aside and a
     camera that is turned back by as much see nearly the same. Rays of pixels count both at once, and the focal length
     and the distortion, too: they are what a renderer uses. They are compared without the distance of the centres.
     """
@@ -56,10 +56,10 @@ def compare_cameras(path: Path, truth: Path) -> dict[str, Any]:
     similarity = fit_cameras(old, new)
     moved = move_poses(similarity, old)
     off = np.linalg.norm(centers(moved) - centers(new), axis=1)
-    turn = turn_degrees(moved[:, :, :3], new[:, :, :3])
+    angle = rotation_angle_deg(moved[:, :, :3], new[:, :, :3])
     rays = np.array(
         [
-            between_degrees(_rays(found[name].lens, moved[i]), _rays(wanted[name].lens, new[i]))
+            direction_angle_deg(_rays(found[name].lens, moved[i]), _rays(wanted[name].lens, new[i]))
             for i, name in enumerate(names)
         ]
     )
@@ -71,8 +71,8 @@ def compare_cameras(path: Path, truth: Path) -> dict[str, Any]:
         "center_mean": float(off.mean()),
         "center_max": float(off.max()),
         "center_mean_over_extent": float(off.mean()) / extent if extent > 0 else None,
-        "rotation_mean_deg": float(turn.mean()),
-        "rotation_max_deg": float(turn.max()),
+        "rotation_mean_deg": float(angle.mean()),
+        "rotation_max_deg": float(angle.max()),
         "rays_mean_deg": float(np.nanmean(rays)),
         "rays_max_deg": float(np.nanmax(rays)),
         "focal_over_truth": float(np.mean([_focal(found[name].lens) / _focal(wanted[name].lens) for name in names])),
@@ -80,7 +80,7 @@ def compare_cameras(path: Path, truth: Path) -> dict[str, Any]:
 
 
 def _rays(lens: Lens, cam_from_world: Array) -> Array:
-    """Directions in the world of places spread evenly over a photo, (N, 3); NaN where the lens shows nothing."""
+    """Directions in the world of points spread evenly over a photo, (N, 3); NaN where the lens shows nothing."""
     steps = (np.arange(GRID) + 0.5) / GRID
     columns, rows = np.meshgrid(steps * lens.width, steps * lens.height)
     plane = directions_of(lens, np.stack([columns.ravel(), rows.ravel()], axis=1))

@@ -1,7 +1,7 @@
 """SIFT features of one photo, inside its mask, kept as one file per photo.
 
 Source: lowe2004 by OpenCV; descriptors as arandjelovic2012 (RootSIFT). OpenCV's SIFT takes about a fifth of the time of
-COLMAP's on a CPU, and its places are as exact.
+COLMAP's on a CPU, and its positions are as exact.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def features_of(photo: PhotoEntry, most: int, max_size: int, folder: Path) -> Fe
         known = find_features(photo, most, max_size)
         part = path.with_suffix(".part")
         with part.open("wb") as target:
-            exif = json.dumps([known.exif.focal, known.exif.lens, known.exif.place])
+            exif = json.dumps([known.exif.focal, known.exif.lens, known.exif.gps])
             size = [known.width, known.height]
             np.savez(
                 target,
@@ -115,9 +115,9 @@ def find_features(photo: PhotoEntry, most: int, max_size: int) -> Features:
     spots[:, 2] /= np.float32(factor.mean())
     kept = _inside(spots, mask, (width, height))
     kept = kept[np.lexsort([*spots[kept, :4].T, -spots[kept, 4]])][:most]
-    places = spots[kept, :4].astype(np.float32)
-    colors = picture[places[:, 1].astype(np.int64), places[:, 0].astype(np.int64)]
-    return Features(places, descriptors[kept], colors, width, height, exif, covered)
+    keypoints = spots[kept, :4].astype(np.float32)
+    colors = picture[keypoints[:, 1].astype(np.int64), keypoints[:, 0].astype(np.int64)]
+    return Features(keypoints, descriptors[kept], colors, width, height, exif, covered)
 
 
 def read_photo(photo: PhotoEntry) -> tuple[Array, Array | None]:
@@ -233,8 +233,8 @@ def _read(path: Path) -> Features | None:
         return None
     try:
         with np.load(path) as stored:
-            focal, lens, place = json.loads(str(stored["exif"]))
-            exif = Exif(focal, lens, None if place is None else (place[0], place[1], place[2]))
+            focal, lens, gps = json.loads(str(stored["exif"]))
+            exif = Exif(focal, lens, None if gps is None else (gps[0], gps[1], gps[2]))
             width, height = (int(value) for value in stored["size"])
             return Features(stored["k"], stored["d"], stored["c"], width, height, exif, float(stored["covered"]))
     except (KeyError, ValueError, OSError, zipfile.BadZipFile):

@@ -87,7 +87,7 @@ def read_job(path: Path) -> Job:
     return Job(photos=photos, **values)
 
 
-def read_world(folder: Path) -> str | None:
+def read_alignment(folder: Path) -> str | None:
     """Return where the world of a calibrate folder comes from; None where it has no cameras of its own.
 
     Raises

@@ -81,14 +81,14 @@ def choose_lenses(
         A lens has the wrong number of parameters.
     """
     starts: list[Start] = []
-    places: dict[object, int] = {}
+    number_of: dict[object, int] = {}
     owner = []
     for index, (photo, found) in enumerate(zip(photos, features)):
         start = _start(photo, found, config)
-        place = places.setdefault(_group(index, start, found, config["share"]), len(starts))
-        if place == len(starts):
+        number = number_of.setdefault(_group(index, start, found, config["share"]), len(starts))
+        if number == len(starts):
             starts.append(start)
-        owner.append(place)
+        owner.append(number)
     return starts, owner
 
 

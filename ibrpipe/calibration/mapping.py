@@ -267,7 +267,7 @@ def as_sparse_model(model: Any, names: Sequence[str], features: Sequence[Feature
 
 def _image(image: Any, name: str, lenses: Sequence[int], index_of: dict[int, int]) -> ModelImage:
     seen = [(spot.xy, index_of[spot.point3D_id]) for spot in image.points2D if spot.has_point3D()]
-    pixels = np.array([place for place, _ in seen]).reshape(-1, 2)
+    pixels = np.array([pixel for pixel, _ in seen]).reshape(-1, 2)
     pose = np.array(image.cam_from_world().matrix())
     lens = lenses.index(image.camera_id)
     return ModelImage(name, lens, pose, pixels, np.array([point for _, point in seen], np.int64))

@@ -12,14 +12,14 @@ import numpy as np
 from ibrpipe.calibration.features import coded_grey
 from ibrpipe.calibration.job import PhotoEntry
 from ibrpipe.core.reconstruction.triangulation import triangulate_agreed
-from ibrpipe.core.similarity import fit_places, spread
+from ibrpipe.core.similarity import fit_points, move_points, spread
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.cameras.colmap_write import ModelImage, SparseModel
 from ibrpipe.io.cameras.lenses import directions_of
 from ibrpipe.io.photos.image_files import read_stored
 from ibrpipe.types import Array
 
-#: A corner counts when its photos agree on its place to so many pixels
+#: A corner counts when its photos agree on its position to so many pixels
 AGREE = 3.0
 #: (marker, corner): corners count clockwise from the top left; of a board, (-1, corner)
 Corner = tuple[int, int]
@@ -27,7 +27,7 @@ Corner = tuple[int, int]
 
 @dataclass(frozen=True)
 class Spot:
-    """Where photos see something: names of photos to places in pixels."""
+    """Where photos see something: names of photos to pixels (x, y)."""
 
     seen: dict[str, tuple[float, float]]
 
@@ -46,8 +46,8 @@ def find_corners(photos: Sequence[PhotoEntry], markers: dict[str, Any]) -> dict[
     detect = _board_detector(markers) if markers["board"] else _marker_detector(markers)
     for photo in photos:
         pixels, header = read_stored(Path(photo.image))
-        for corner, place in detect(coded_grey(pixels, header, Path(photo.image))):
-            found.setdefault(corner, {})[photo.name] = place
+        for corner, pixel in detect(coded_grey(pixels, header, Path(photo.image))):
+            found.setdefault(corner, {})[photo.name] = pixel
     return {corner: Spot(seen) for corner, seen in sorted(found.items())}
 
 
@@ -80,8 +80,8 @@ def _board_detector(markers: dict[str, Any]) -> Any:
         corners, keys, _, _ = detector.detectBoard(grey)
         if keys is None:
             return []
-        places = np.reshape(corners, (-1, 2))
-        return [((-1, int(key)), (float(x) + 0.5, float(y) + 0.5)) for key, (x, y) in zip(np.ravel(keys), places)]
+        pixels = np.reshape(corners, (-1, 2))
+        return [((-1, int(key)), (float(x) + 0.5, float(y) + 0.5)) for key, (x, y) in zip(np.ravel(keys), pixels)]
 
     return detect
 
@@ -101,7 +101,7 @@ def _dictionary(name: str) -> Any:
 
 
 def locate(spot: Spot, model: SparseModel) -> Array:
-    """Return the place in the world of what photos see, (3,) float64; NaN where fewer than two of them agree."""
+    """Return the position in the world of what photos see, (3,) float64; NaN where fewer than two of them agree."""
     images = [image for image in model.images if image.name in spot.seen]
     if len(images) < 2:
         return np.full(3, np.nan)
@@ -114,8 +114,8 @@ def locate(spot: Spot, model: SparseModel) -> Array:
     return np.asarray(point)
 
 
-def _direction(image: ModelImage, model: SparseModel, place: tuple[float, float]) -> Array:
-    return directions_of(model.lenses[image.lens], np.array([place]))[0]
+def _direction(image: ModelImage, model: SparseModel, pixel: tuple[float, float]) -> Array:
+    return directions_of(model.lenses[image.lens], np.array([pixel]))[0]
 
 
 def _widest(point: Array, poses: Array) -> float:
@@ -144,50 +144,49 @@ def marker_similarity(
         Too few corners were found.
     """
     spots = find_corners(photos, markers)
-    places = {corner: locate(spot, model) for corner, spot in spots.items()}
-    places = {corner: place for corner, place in places.items() if np.isfinite(place).all()}
+    positions = {corner: locate(spot, model) for corner, spot in spots.items()}
+    positions = {corner: each for corner, each in positions.items() if np.isfinite(each).all()}
     if markers["board"]:
-        return _by_board(photos, markers, places)
-    return _by_markers(photos, markers, places)
+        return _by_board(photos, markers, positions)
+    return _by_markers(photos, markers, positions)
 
 
 def _by_board(
-    photos: Sequence[PhotoEntry], markers: dict[str, Any], places: dict[Corner, Array]
+    photos: Sequence[PhotoEntry], markers: dict[str, Any], positions: dict[Corner, Array]
 ) -> tuple[tuple[float, Array, Array], float, str]:
     height = markers["board"][1] * markers["square"]
     known = np.array(_board(markers).getChessboardCorners(), np.float64) * (1.0, -1.0, 1.0) + (0.0, height, 0.0)
-    found = np.array(list(places.values())).reshape(-1, 3)
+    found = np.array(list(positions.values())).reshape(-1, 3)
     if len(found) < 4 or spread(found) < 0.05:
         raise CaptureError(_missing(photos, markers, f"{len(found)} corners of the board"))
-    wanted = known[[corner for _, corner in places]]
-    similarity = fit_places(found, wanted)
+    wanted = known[[corner for _, corner in positions]]
+    similarity = fit_points(found, wanted)
     rms = _rms(similarity, found, wanted)
     return similarity, rms, f"{len(found)} corners of the board"
 
 
 def _by_markers(
-    photos: Sequence[PhotoEntry], markers: dict[str, Any], places: dict[Corner, Array]
+    photos: Sequence[PhotoEntry], markers: dict[str, Any], positions: dict[Corner, Array]
 ) -> tuple[tuple[float, Array, Array], float, str]:
-    keys = sorted({key for key, _ in places})
-    whole = [key for key in keys if all((key, corner) in places for corner in range(4))]
+    keys = sorted({key for key, _ in positions})
+    whole = [key for key in keys if all((key, corner) in positions for corner in range(4))]
     frame = whole[0] if markers["frame"] is None and whole else markers["frame"]
     if frame not in whole:
         named = "any marker" if markers["frame"] is None else f"marker {markers['frame']}"
         raise CaptureError(_missing(photos, markers, f"not {named}, but {keys or 'none'}"))
-    squares = {key: np.array([places[key, corner] for corner in range(4)]) for key in whole}
+    squares = {key: np.array([positions[key, corner] for corner in range(4)]) for key in whole}
     edges = [np.linalg.norm(four - np.roll(four, -1, axis=0), axis=1) for four in squares.values()]
     scale = markers["size"] / float(np.median(edges))
     half = markers["size"] / 2.0
     wanted = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
-    _, R, _ = fit_places(squares[frame], wanted)
+    _, R, _ = fit_points(squares[frame], wanted)
     t = -scale * (R @ squares[frame].mean(axis=0))
     rms = _rms((scale, R, t), squares[frame], wanted)
     return (scale, R, t), rms, f"markers {', '.join(map(str, whole))}, with marker {frame} as the origin"
 
 
 def _rms(similarity: tuple[float, Array, Array], found: Array, wanted: Array) -> float:
-    scale, R, t = similarity
-    off = scale * (found @ R.T) + t - wanted
+    off = move_points(similarity, found) - wanted
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 

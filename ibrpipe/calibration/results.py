@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.calibration.alignment import Placed
+from ibrpipe.calibration.alignment import Aligned
 from ibrpipe.calibration.features import Features
 from ibrpipe.calibration.job import Job
 from ibrpipe.calibration.lenses import Start, angle_of_view
@@ -28,7 +28,7 @@ def figures(
     owner: Sequence[int],
     inliers: Array,
     models: Sequence[SparseModel],
-    placed: Placed,
+    aligned: Aligned,
     deviations: dict[int, float],
 ) -> dict[str, Any]:
     """Return the figures of ``calibration.json``.
@@ -44,12 +44,12 @@ def figures(
         Verified matches between photos.
     models : sequence of SparseModel
         The largest, which is kept, first.
-    placed : Placed
+    aligned : Aligned
         The largest model in its world.
     deviations : dict of int to float
         Number of a lens to the standard deviation of its principal point.
     """
-    model = placed.model
+    model = aligned.model
     images = {image.name: image for image in model.images}
     member = {image.name: index for index, each in reversed(list(enumerate(models))) for image in each.images}
     photos = [
@@ -74,9 +74,9 @@ def figures(
         "points": len(model.xyz),
         "mean_track_length": tracks / len(model.xyz),
         "reprojection_error_px": {"mean": float(errors.mean()), "median": float(np.median(errors))},
-        "world": placed.world,
-        "units": placed.units,
-        "alignment": {"how": placed.words, **placed.measured},
+        "world": aligned.source,
+        "units": aligned.units,
+        "alignment": {"how": aligned.words, **aligned.measured},
         "lenses": lenses,
         "photos": photos,
         "other_models": [[image.name for image in each.images] for each in models[1:]],

@@ -85,8 +85,8 @@ def _partners(model: SparseModel) -> list[list[int]]:
 def _angle(one: ModelImage, other: ModelImage, xyz: Array) -> float:
     """Median angle in degrees between the rays of two photos to the points that both see."""
     shared = xyz[np.intersect1d(one.points, other.points)]
-    places = (shared + image.cam_from_world[:, :3].T @ image.cam_from_world[:, 3] for image in (one, other))
-    return middle_angle(*places)
+    toward = (shared + image.cam_from_world[:, :3].T @ image.cam_from_world[:, 3] for image in (one, other))
+    return middle_angle(*toward)
 
 
 def words(shared: Shared, photos: int) -> tuple[str, str]:

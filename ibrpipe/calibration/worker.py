@@ -14,7 +14,7 @@ from typing import IO, Any
 import numpy as np
 
 from ibrpipe.calibration import mapping, pair_selection
-from ibrpipe.calibration.alignment import Worlds, place_model
+from ibrpipe.calibration.alignment import AlignmentInputs, align_model
 from ibrpipe.calibration.database import Matched, fill_database, match
 from ibrpipe.calibration.features import Features, features_of
 from ibrpipe.calibration.job import Job, read_job
@@ -50,11 +50,11 @@ def calibrate(job: Job, say: Say) -> dict[str, Any]:
     say("adjust cameras", 1, 1)
     names = [photo.name for photo in job.photos]
     sparse = [mapping.as_sparse_model(model, names, features) for model in models]
-    worlds = Worlds(job, features, sparse[0])
-    placed = place_model(worlds)
+    inputs = AlignmentInputs(job, features, sparse[0])
+    aligned = align_model(inputs)
     result = Path(job.result)
-    _write(placed.model, result, _wanted(job))
-    return figures(job, features, starts, owner, matched.inliers, sparse, placed, deviations)
+    _write(aligned.model, result, _wanted(job))
+    return figures(job, features, starts, owner, matched.inliers, sparse, aligned, deviations)
 
 
 def _features(job: Job, say: Say) -> list[Features]:

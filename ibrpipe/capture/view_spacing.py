@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.core.similarity import between_degrees
+from ibrpipe.core.similarity import direction_angle_deg
 from ibrpipe.types import Array
 
 #: angle to the second nearest neighbour (two must agree with a depth) from which on photos are too far apart, and the
-#: one that is asked for, degrees; a neighbour at the latter has 0.6 of the worth of the best, see `neighbours.worth`
+#: one that is asked for, degrees; a neighbour at the latter has 0.6 of the worth of the best (`view_selection.worth`)
 TOO_WIDE, WANTED = 23.0, 20.0
 #: photos in one row have their fourth neighbour at twice the angle of the second, photos over a surface at 1.4 times
 ROW = 1.7
@@ -63,4 +63,4 @@ def median_spacing(angles: Sequence[Sequence[float]]) -> Spacing | None:
 def middle_angle(one: Array, other: Array) -> float:
     """Median angle in degrees between two sets of vectors (N, 3) of any length."""
     unit = [each / np.linalg.norm(each, axis=1, keepdims=True) for each in (one, other)]
-    return float(np.median(between_degrees(*unit)))
+    return float(np.median(direction_angle_deg(*unit)))

@@ -1,4 +1,4 @@
-"""Similarities between worlds: found from places or from camera poses, and applied to both. Source: umeyama1991.
+"""Similarities between worlds: found from points or from camera poses, and applied to both. Source: umeyama1991.
 
 A similarity is ``(scale, R, t)``: a point x of the old world is ``scale * R @ x + t`` in the new one.
 """
@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 
-def fit_places(old, new):
-    """Least-squares similarity that takes places to places.
+def fit_points(old, new):
+    """Least-squares similarity that takes points to points.
 
     Parameters
     ----------
@@ -31,15 +31,15 @@ def fit_places(old, new):
 
 
 def fit_poses(old, new):
-    """Similarity that takes cameras to cameras: rotation from their attitudes, scale and shift from their places.
+    """Similarity that takes cameras to cameras: rotation from their attitudes, scale and shift from their centres.
 
     Parameters
     ----------
     old, new : (N, 3, 4) float64
-        cam_from_world, at least one. Scale is 1 where all are in one place.
+        cam_from_world, at least one. Scale is 1 where all centres are one.
     """
-    turns = np.einsum("nji,njk->ik", new[:, :, :3], old[:, :, :3])
-    left, _, right = np.linalg.svd(turns)
+    rotations = np.einsum("nji,njk->ik", new[:, :, :3], old[:, :, :3])
+    left, _, right = np.linalg.svd(rotations)
     R = (left * np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])) @ right
     a, b = centers(old), centers(new)
     a_mean, b_mean = a.mean(axis=0), b.mean(axis=0)
@@ -50,16 +50,16 @@ def fit_poses(old, new):
 
 
 def fit_cameras(old, new):
-    """Similarity by the places of cameras where these fix it, else by their poses; (N, 3, 4) each."""
+    """Similarity by the centres of cameras where these fix it, else by their poses; (N, 3, 4) each."""
     a, b = centers(old), centers(new)
     if len(a) >= 3 and min(spread(a), spread(b)) > 0.02:
-        return fit_places(a, b)
+        return fit_points(a, b)
     return fit_poses(old, new)
 
 
-def spread(places):
-    """Second largest extent of places over the largest: 0 for one place or places on a line."""
-    size = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+def spread(points):
+    """Second largest extent of points over the largest: 0 for one point or points on a line."""
+    size = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return float(size[1] / size[0]) if len(size) > 1 and size[0] > 0 else 0.0
 
 
@@ -68,10 +68,10 @@ def centers(poses):
     return -np.einsum("nji,nj->ni", poses[:, :, :3], poses[:, :, 3])
 
 
-def move_places(similarity, places):
-    """Apply a similarity to places (N, 3)."""
+def move_points(similarity, points):
+    """Apply a similarity to points (N, 3)."""
     scale, R, t = similarity
-    return scale * (places @ R.T) + t
+    return scale * (points @ R.T) + t
 
 
 def move_poses(similarity, poses):
@@ -82,7 +82,7 @@ def move_poses(similarity, poses):
     return np.concatenate([turned, shift[:, :, None]], axis=2)
 
 
-def turn_degrees(one, other):
+def rotation_angle_deg(one, other):
     """Angles in degrees between rotations (N, 3, 3); exact for small ones too."""
     delta = one @ np.swapaxes(other, 1, 2)
     axis = np.stack(
@@ -92,6 +92,6 @@ def turn_degrees(one, other):
     return np.degrees(np.arctan2(np.linalg.norm(axis, axis=1), trace - 1.0))
 
 
-def between_degrees(one, other):
+def direction_angle_deg(one, other):
     """Angles in degrees between unit vectors (N, 3); exact for small ones too."""
     return np.degrees(2.0 * np.arcsin(np.minimum(np.linalg.norm(one - other, axis=-1) / 2.0, 1.0)))

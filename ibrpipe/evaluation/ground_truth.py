@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrpipe.core.similarity import centers, fit_cameras, move_places, move_poses
+from ibrpipe.core.similarity import centers, fit_cameras, move_points, move_poses
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.captures import has_cameras, read_shots
 from ibrpipe.io.surfaces.meshes import read_mesh
@@ -99,7 +99,7 @@ def placed_truth(path: Path, views: Sequence[View], capture: Path | None, run: P
             f"{path.parent}: its cameras are {100 * rest:.0f} % of their extent from those of the photos of the same "
             "names after alignment; expected the true cameras of these photos: correct or remove them"
         )
-    moved = Mesh(move_places(similarity, mesh.vertices), mesh.faces)
+    moved = Mesh(move_points(similarity, mesh.vertices), mesh.faces)
     told = (
         f"The true surface is {name}, brought into the world of the run by the {len(old)} cameras beside it: a "
         f"similarity of scale {similarity[0]:.4g}, which leaves {100 * rest:.2g} % of their extent between their "

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from ibrpipe.calibration.job import read_world
+from ibrpipe.calibration.job import read_alignment
 from ibrpipe.capture.audit import audit_capture, stop_on_errors, write_audit
 from ibrpipe.capture.findings import Limits
 from ibrpipe.config import StageConfig
@@ -126,7 +126,7 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
 
 def _without_foreign_mesh(capture: Capture, calibration: Path | None) -> Capture:
     """Leave a mesh out that lies in another world than the cameras which the calibrate stage has found."""
-    if capture.mesh is None or calibration is None or read_world(calibration) != "own":
+    if capture.mesh is None or calibration is None or read_alignment(calibration) != "own":
         return capture
     note = f"{capture.mesh.name} is left out: the cameras were found from the photos alone, in a world of their own"
     return replace(capture, mesh=None, notes=(*capture.notes, note))

@@ -12,7 +12,7 @@ from textured_corner import HEIGHT, WIDTH, cameras
 
 from ibrpipe.calibration.compare import GRID, compare_cameras
 from ibrpipe.cli.main import cli
-from ibrpipe.core.similarity import between_degrees
+from ibrpipe.core.similarity import direction_angle_deg
 from ibrpipe.synthetic.layout import write_colmap_text
 from ibrpipe.types import Camera
 
@@ -70,7 +70,7 @@ def test_angles_of_close_directions_keep_their_digits() -> None:
     turn = np.array([1e-9, 1e-3, 1.0, 90.0, 180.0])
     one = np.tile([1.0, 0.0, 0.0], (5, 1))
     other = np.stack([np.cos(np.radians(turn)), np.sin(np.radians(turn)), np.zeros(5)], axis=1)
-    assert between_degrees(one, other) == pytest.approx(turn, rel=1e-7)
+    assert direction_angle_deg(one, other) == pytest.approx(turn, rel=1e-7)
 
 
 def test_inspect_names_rotations_and_rays(tmp_path: Path) -> None:

@@ -10,12 +10,12 @@ from ibrpipe.core.reconstruction.triangulation import distances, triangulate_agr
 from ibrpipe.core.similarity import (
     centers,
     fit_cameras,
-    fit_places,
+    fit_points,
     fit_poses,
-    move_places,
+    move_points,
     move_poses,
+    rotation_angle_deg,
     spread,
-    turn_degrees,
 )
 
 
@@ -40,13 +40,13 @@ def test_cameras_are_taken_to_where_they_were_moved(seed: int, fit: object) -> N
     assert scale == pytest.approx(wanted[0], rel=1e-9)
     assert np.allclose(R, wanted[1], atol=1e-9)
     assert np.allclose(move_poses((scale, R, t), old), new, atol=1e-8)
-    assert np.allclose(centers(new), move_places(wanted, centers(old)), atol=1e-9)
+    assert np.allclose(centers(new), move_points(wanted, centers(old)), atol=1e-9)
 
 
 def test_places_mirrored_are_not_taken_for_turned() -> None:
     random = np.random.default_rng(1)
     old = random.normal(size=(20, 3))
-    _, R, _ = fit_places(old, old * (1, 1, -1))
+    _, R, _ = fit_points(old, old * (1, 1, -1))
     assert np.linalg.det(R) == pytest.approx(1.0)
 
 
@@ -55,7 +55,7 @@ def test_pictures_stay_the_same_when_the_world_moves() -> None:
     old, point, moved = poses_of(random, 4), random.normal(size=3), similarity_of(random)
     before = old[:, :, :3] @ point + old[:, :, 3]
     new = move_poses(moved, old)
-    after = new[:, :, :3] @ move_places(moved, point[None])[0] + new[:, :, 3]
+    after = new[:, :, :3] @ move_points(moved, point[None])[0] + new[:, :, 3]
     assert np.allclose(after, moved[0] * before)
 
 
@@ -69,7 +69,7 @@ def test_spread_tells_lines_from_planes() -> None:
 def test_small_turns_are_exact() -> None:
     angles = np.array([0.0, 1e-9, 1e-4, 1.0, 90.0, 179.0])
     turns = Rotation.from_rotvec(np.radians(angles)[:, None] * np.array([[0.6, 0.8, 0.0]])).as_matrix()
-    assert np.allclose(turn_degrees(turns, np.broadcast_to(np.eye(3), (6, 3, 3))), angles, rtol=1e-6, atol=1e-13)
+    assert np.allclose(rotation_angle_deg(turns, np.broadcast_to(np.eye(3), (6, 3, 3))), angles, rtol=1e-6, atol=1e-13)
 
 
 def test_points_are_found_from_directions_and_a_wrong_one_is_dropped() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ibrpipe.core.similarity import move_places, move_poses
+from ibrpipe.core.similarity import move_points, move_poses
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.evaluation.ground_truth import find_truth, placed_truth
 from ibrpipe.io.surfaces.meshes import write_mesh
@@ -60,7 +60,7 @@ def test_true_cameras_bring_the_surface_into_the_runs_world(capture) -> None:
     write_colmap_text(folder / "truth/sparse/0", [view.image.name for view in views], true)
     placed = placed_truth(folder / "truth/mesh.ply", views, folder, None)
     assert placed.mesh is not None
-    np.testing.assert_allclose(placed.mesh.vertices, move_places(WORLD, MESH.vertices), atol=1e-6)
+    np.testing.assert_allclose(placed.mesh.vertices, move_points(WORLD, MESH.vertices), atol=1e-6)
     for part in ("truth/mesh.ply of the capture", "by the 5 cameras beside it", "scale 0.5"):
         assert part in placed.told
     shaken = [replace(view, camera=_shifted(view.camera, n)) for n, view in enumerate(views)]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ibrpipe.core.similarity import move_places, move_poses
+from ibrpipe.core.similarity import move_points, move_poses
 from ibrpipe.io.cameras.lenses import Lens
 from ibrpipe.types import Array
 
@@ -83,7 +83,7 @@ class SparseModel:
         """Return the model in another world: x becomes ``scale * R @ x + t``."""
         poses = move_poses(similarity, np.array([image.cam_from_world for image in self.images]))
         images = tuple(replace(image, cam_from_world=pose) for image, pose in zip(self.images, poses))
-        return replace(self, images=images, xyz=move_places(similarity, self.xyz))
+        return replace(self, images=images, xyz=move_points(similarity, self.xyz))
 
 
 def _with_points(image: ModelImage, lens: int, new: Array) -> ModelImage:

@@ -1,4 +1,4 @@
-"""What a camera wrote into a photo file about its lens and its place."""
+"""What a camera wrote into a photo file about its lens and its position."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _RADIUS, _ECCENTRICITY = 6378137.0, 6.69437999014e-3
 
 @dataclass(frozen=True)
 class Exif:
-    """Lens and place.
+    """Lens and GPS position.
 
     Attributes
     ----------
@@ -28,17 +28,17 @@ class Exif:
         Focal length in pixels of the file; None = not stated.
     lens : str
         Text that is the same for photos of the same camera at the same focal length; empty = not stated.
-    place : (latitude, longitude, altitude) or None
+    gps : (latitude, longitude, altitude) or None
         Degrees, degrees, metres.
     """
 
     focal: float | None = None
     lens: str = ""
-    place: tuple[float, float, float] | None = None
+    gps: tuple[float, float, float] | None = None
 
 
 def read_exif(path: Path) -> Exif:
-    """Read lens and place from a photo's tags; what is missing or nonsense is left out."""
+    """Read lens and GPS position from a photo's tags; what is missing or nonsense is left out."""
     import OpenImageIO as oiio
 
     source = oiio.ImageInput.open(str(path))
@@ -52,25 +52,25 @@ def read_exif(path: Path) -> Exif:
     equivalent = _number(spec, "Exif:FocalLengthIn35mmFilm")
     stated = [*words, f"{millimetres:g}" if millimetres else "", f"{equivalent:g}" if equivalent else ""]
     lens = " ".join(word for word in stated if word)
-    return Exif(_focal_pixels(spec, millimetres, equivalent), lens, _place(spec))
+    return Exif(_focal_pixels(spec, millimetres, equivalent), lens, _gps(spec))
 
 
-def local_metres(places: Array) -> Array:
-    """Turn latitude, longitude, altitude into metres east, north and up of the first place.
+def local_metres(positions: Array) -> Array:
+    """Turn latitude, longitude, altitude into metres east, north and up of the first position.
 
     Parameters
     ----------
-    places : (N, 3) float64
+    positions : (N, 3) float64
         Degrees, degrees, metres above the ellipsoid.
 
     Returns
     -------
     (N, 3) float64
     """
-    latitude, longitude = np.radians(places[:, 0]), np.radians(places[:, 1])
+    latitude, longitude = np.radians(positions[:, 0]), np.radians(positions[:, 1])
     across = _RADIUS / np.sqrt(1.0 - _ECCENTRICITY * np.sin(latitude) ** 2)
-    flat = (across + places[:, 2]) * np.cos(latitude)
-    height = (across * (1.0 - _ECCENTRICITY) + places[:, 2]) * np.sin(latitude)
+    flat = (across + positions[:, 2]) * np.cos(latitude)
+    height = (across * (1.0 - _ECCENTRICITY) + positions[:, 2]) * np.sin(latitude)
     earth = np.stack([flat * np.cos(longitude), flat * np.sin(longitude), height], axis=1)
     sin_lat, cos_lat = np.sin(latitude[0]), np.cos(latitude[0])
     sin_lon, cos_lon = np.sin(longitude[0]), np.cos(longitude[0])
@@ -104,7 +104,7 @@ def _number(spec: Any, name: str) -> float | None:
     return float(value) if math.isfinite(value) and value > 0 else None
 
 
-def _place(spec: Any) -> tuple[float, float, float] | None:
+def _gps(spec: Any) -> tuple[float, float, float] | None:
     latitude = _degrees(spec, "GPS:Latitude", "S")
     longitude = _degrees(spec, "GPS:Longitude", "W")
     if latitude is None or longitude is None:

@@ -1,4 +1,4 @@
-"""What cameras write into photos about lens and place."""
+"""What cameras write into photos about lens and position."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_focal_length_from_its_35_mm_equivalent(tmp_path: Path) -> None:
     found = read_exif(photo(tmp_path / "a.jpg", Make="Maker", Model="M 1", Exif__FocalLengthIn35mmFilm=50))
     assert found.focal == pytest.approx(50 / math.hypot(36, 24) * math.hypot(60, 40), rel=1e-6)
     assert found.lens.startswith("Maker M 1")
-    assert found.place is None
+    assert found.gps is None
 
 
 def test_focal_length_from_the_density_of_the_sensor(tmp_path: Path) -> None:
@@ -41,9 +41,9 @@ def test_nothing_stated_nothing_told(tmp_path: Path) -> None:
     assert read_exif(tmp_path / "b.jpg") == Exif()
 
 
-def test_places_become_metres_east_north_up() -> None:
-    places = np.array([[50.0, 8.0, 100.0], [50.0, 8.001, 100.0], [50.001, 8.0, 100.0], [50.0, 8.0, 103.0]])
-    metres = local_metres(places)
+def test_positions_become_metres_east_north_up() -> None:
+    positions = np.array([[50.0, 8.0, 100.0], [50.0, 8.001, 100.0], [50.001, 8.0, 100.0], [50.0, 8.0, 103.0]])
+    metres = local_metres(positions)
     assert np.allclose(metres[0], 0)
     assert metres[1] == pytest.approx((71.7, 0.0, 0.0), abs=0.1)
     assert metres[2] == pytest.approx((0.0, 111.2, 0.0), abs=0.1)
