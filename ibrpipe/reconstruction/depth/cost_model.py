@@ -50,19 +50,20 @@ def megapixels(views: Sequence[View], max_size: int, shrink: int) -> float:
 
 
 #: label in progress and seconds of two cores for a million pixels of maps, in order; only proportions matter. A name
-#: that no loop has (fill, solve, simplify, which stands for rims, too) is work unheard of: it ends with the next loop
+#: that no loop has (complete, solve, simplify, which stands for the silhouette fit, too) is work unheard of: it ends
+#: with the next loop
 _STEPS = (
     ("fuse depth maps", 0.45),
     ("outlines", 0.05),
     ("sum distances", 0.4),
     ("observations", 0.1),
-    ("fill", 0.15),
+    ("complete", 0.15),
     ("masks", 0.1),
     ("observations", 0.1),
     ("solve", 0.7),
     ("observations", 0.1),
     ("observations", 0.1),
-    ("carry photos", 0.1),
+    ("photo-consistency", 0.1),
     ("simplify", 0.8),
     ("backs", 0.1),
     ("observations", 0.1),

@@ -15,12 +15,12 @@ from ibrpipe.io.dense import DepthMap
 from ibrpipe.io.views import View
 from ibrpipe.reconstruction.depth.evidence import Evidence, evidence
 from ibrpipe.reconstruction.depth.fusion import Cloud, FusionRules, fuse
-from ibrpipe.reconstruction.surface.mask_consistency import contradicting, doubted
+from ibrpipe.reconstruction.surface.mask_consistency import contradicting, without_contradicted
 from ibrpipe.reconstruction.surface.mesh_operations import Openings, face_areas, openings, simplified
 from ibrpipe.reconstruction.surface.method_choice import Choice, choose
 from ibrpipe.reconstruction.surface.methods import Made, Sources, make
 from ibrpipe.reconstruction.surface.settings import SurfaceConfig
-from ibrpipe.reconstruction.surface.silhouette_fit import fitted, less_sure
+from ibrpipe.reconstruction.surface.silhouette_fit import fit_to_silhouettes, less_sure
 from ibrpipe.reconstruction.surface.silhouettes import Outline, hull_box, load_outlines
 from ibrpipe.reconstruction.surface.two_sided import with_second_side
 from ibrpipe.types import Array, Mesh
@@ -74,7 +74,7 @@ def build_surface(
     middle = _middle(fused.cloud, outlines)
     choice = choose(config, views, outlines, share, middle)
     against = contradicting(fused.cloud, outlines)
-    whole, outlines = outlines, [doubted(each, against) for each in outlines]
+    whole, outlines = outlines, [without_contradicted(each, against) for each in outlines]
     measured = {**choice.measured, "masks_contradicted": sum(a is not b for a, b in zip(whole, outlines))}
     fused_at = perf_counter()
     if choice.method != "hull" and len(fused.cloud.position) < 100:
@@ -88,14 +88,14 @@ def build_surface(
     edge = config.triangle_pixels * step / config.voxel_pixels
     mesh = simplified(made.mesh, edge) if edge > 0 else made.mesh
     moved = np.zeros(len(mesh.vertices))
-    if config.fit_rims and made.method != "hull":
-        mesh, moved = fitted(mesh, outlines)
+    if config.silhouette_fit and made.method != "hull":
+        mesh, moved = fit_to_silhouettes(mesh, outlines)
     shell = with_second_side(mesh, fused.maps, step, config.truncation, config.two_sided)
     found = evidence(shell.mesh, fused.maps, 2.0 * step, shell.facing if shell.share else None)
     found = less_sure(found, moved[shell.source], step)  # second sides moved along
     facts = {
         "method": made.method,
-        "filled_by_outlines": choice.fill and made.method != "volume",
+        "filled_by_outlines": choice.hull_completion and made.method != "volume",
         "reason": _reason(choice, made),
         "measured": {**measured, **_judged(made)},
         "points": len(fused.cloud.position),
@@ -122,16 +122,16 @@ def _middle(cloud: Cloud, outlines: Sequence[Outline]) -> Array | None:
 
 
 def _reason(choice: Choice, made: Made) -> str:
-    if not made.carried:
+    if not made.photo_consistency:
         return choice.reason
     names = {"poisson": "Poisson", "volume": "averaged distances", "hull": "the outlines alone"}
-    told = ", ".join(f"{100 * value:.1f} % through {names[way]}" for way, value in made.carried.items())
-    return f"{choice.reason}; photos carried into each other are alike by {told}"
+    told = ", ".join(f"{100 * value:.1f} % of {names[key]}" for key, value in made.photo_consistency.items())
+    return f"{choice.reason}; photo-consistency is {told}"
 
 
 def _judged(made: Made) -> dict[str, float]:
     """Return the figures by which the surface was judged, by name."""
-    return {**made.asked, **{f"carried_by_{way}": value for way, value in made.carried.items()}}
+    return {**made.completion, **{f"photo_consistency_{key}": value for key, value in made.photo_consistency.items()}}
 
 
 def _described(mesh: Mesh, found: Evidence, ends: Openings) -> dict[str, Any]:

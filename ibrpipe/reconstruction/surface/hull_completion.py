@@ -1,4 +1,4 @@
-"""Where masks ask for surface that depth maps do not show, and what the outlines put there.
+"""Completion by the visual hull: where masks require surface that depth maps do not show, and where no depth is.
 
 The ray through a pixel inside a mask meets the object. Where it misses what depth maps show and passes the outlines'
 hull in one short piece, the surface lies on that piece, and the hull is near it. Depth on which maps agree is wrong
@@ -23,48 +23,58 @@ from ibrpipe.types import Array, Mesh
 
 #: pixels inside an outline from which on a ray must meet the object
 INSIDE = 0.75
-#: longest way through the hull that still tells where the surface is, pixels
+#: longest path through the hull that still tells where the surface is, pixels
 LONGEST = 10.0
-#: places on it that are looked at
-_PLACES = 9
+#: points on it that are looked at
+_SAMPLES = 9
 #: voxels around it within which the hull is asked for
 _AROUND = 1.2
 #: voxels behind the hull from which on a point is wrong, and up to which it is taken for the same surface
 BEHIND, DEEPEST = 1.0, 10.0
 #: least cosine between the normals of a wrong point and of the hull
-_ALIKE = 0.3
+_SAME_SIDE = 0.3
+#: directions that are tried from every point
+RAYS = 32
+#: least cosine between a direction and the point's normal
+OUTWARD = 0.2
+#: points asked at a time
+_AT_A_TIME = 50_000
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
-    """A cloud after the masks were asked.
+class MaskCompletion:
+    """A cloud completed by what the masks require.
 
     Attributes
     ----------
     cloud : Cloud
-    places : (P, 3) float64
-        Vertices of the hull that were asked for.
+    required : (P, 3) float64
+        Vertices of the hull that the masks require.
     missed : float
         Share of the masks' pixels whose rays miss what depth maps show.
-    wrong : int
-        Points left out.
+    behind : int
+        Points left out because they lie behind those.
     """
 
     cloud: Cloud
-    places: Array
+    required: Array
     missed: float
-    wrong: int
+    behind: int
 
     @property
     def measured(self) -> dict[str, float]:
         """Figures for ``geometry.json``."""
-        return {"masks_missed": round(self.missed, 4), "points_asked": len(self.places), "points_behind": self.wrong}
+        return {
+            "masks_missed": round(self.missed, 4),
+            "points_asked": len(self.required),
+            "points_behind": self.behind,
+        }
 
 
-def with_asked(cloud: Cloud, seen: Mesh, hull: Mesh, outlines: Sequence[Outline], step: float) -> Asked:
-    """Add what the masks ask for, and leave out the points behind it.
+def complete_by_masks(cloud: Cloud, seen: Mesh, hull: Mesh, outlines: Sequence[Outline], step: float) -> MaskCompletion:
+    """Add the surface that the masks require, and leave out the points behind it.
 
-    Masks that were doubted ask for nothing.
+    Masks that points contradict require nothing.
 
     Parameters
     ----------
@@ -79,44 +89,44 @@ def with_asked(cloud: Cloud, seen: Mesh, hull: Mesh, outlines: Sequence[Outline]
     """
     from scipy.spatial import cKDTree
 
-    asked, missed = demanded(seen, hull, [each for each in outlines if not each.doubted], step)
-    if not asked.any():
-        return Asked(cloud, hull.vertices[:0], missed, 0)
+    required, missed = required_by_masks(seen, hull, [each for each in outlines if not each.contradicted], step)
+    if not required.any():
+        return MaskCompletion(cloud, hull.vertices[:0], missed, 0)
     normals = vertex_normals(hull)
     distance, nearest = cKDTree(hull.vertices).query(cloud.position)
     above = ((cloud.position - hull.vertices[nearest]) * normals[nearest]).sum(axis=1)
-    alike = (cloud.normal * normals[nearest]).sum(axis=1) > _ALIKE
-    wrong = asked[nearest] & (above < -BEHIND * step) & (distance < DEEPEST * step) & alike
-    rest, places = cloud.chosen(~wrong), hull.vertices[asked]
-    new = np.ones(len(places), bool)
+    same_side = (cloud.normal * normals[nearest]).sum(axis=1) > _SAME_SIDE
+    wrong = required[nearest] & (above < -BEHIND * step) & (distance < DEEPEST * step) & same_side
+    rest, points = cloud.chosen(~wrong), hull.vertices[required]
+    new = np.ones(len(points), bool)
     if len(rest.position):
-        new = ~np.isfinite(cKDTree(rest.position).query(places, distance_upper_bound=1.5 * step)[0])
+        new = ~np.isfinite(cKDTree(rest.position).query(points, distance_upper_bound=1.5 * step)[0])
     count = int(new.sum())
     spacing, none = np.full(count, step, np.float32), np.zeros(count, np.float32)
-    added = Cloud(places[new], normals[asked][new], none, np.zeros(count, np.int32), spacing)
-    return Asked(joined([rest, added]), places, missed, int(wrong.sum()))
+    added = Cloud(points[new], normals[required][new], none, np.zeros(count, np.int32), spacing)
+    return MaskCompletion(joined([rest, added]), points, missed, int(wrong.sum()))
 
 
-def demanded(seen: Mesh, hull: Mesh, outlines: Sequence[Outline], step: float) -> tuple[Array, float]:
-    """Return which vertices of the hull (V,) bool masks ask for, and the share of their pixels that miss `seen`."""
+def required_by_masks(seen: Mesh, hull: Mesh, outlines: Sequence[Outline], step: float) -> tuple[Array, float]:
+    """Return which vertices of the hull (V,) bool masks require, and the share of their pixels that miss `seen`."""
     from scipy.spatial import cKDTree
 
     surface, bound = MeshCaster(seen), MeshCaster(hull)
-    asked, missed, pixels = np.zeros(len(hull.vertices), bool), 0, 0
+    required, missed, pixels = np.zeros(len(hull.vertices), bool), 0, 0
     for each in track(outlines, "masks"):
         row, column = np.nonzero(each.distance < -INSIDE)
         rays = each.camera.pixel_rays(np.stack([column, row], axis=1) + 0.5)
         open_rays = rays[surface.cast(each.camera.center, rays).face < 0]
         missed, pixels = missed + len(open_rays), pixels + len(rays)
-        places = _pieces(bound, each, open_rays)
-        if len(places):
-            near, _ = cKDTree(places).query(hull.vertices, distance_upper_bound=_AROUND * step)
-            asked |= np.isfinite(near)
-    return asked, missed / max(pixels, 1)
+        points = _pieces(bound, each, open_rays)
+        if len(points):
+            near, _ = cKDTree(points).query(hull.vertices, distance_upper_bound=_AROUND * step)
+            required |= np.isfinite(near)
+    return required, missed / max(pixels, 1)
 
 
 def _pieces(bound: MeshCaster, outline: Outline, rays: Array) -> Array:
-    """Places (P, 3) along the rays (N, 3) that pass the hull once and shortly."""
+    """Points (P, 3) along the rays (N, 3) that pass the hull once and shortly."""
     center = outline.camera.center
     ray, hits = bound.cast_all(np.broadcast_to(center, rays.shape), rays)
     count = np.bincount(ray, minlength=len(rays))
@@ -125,23 +135,11 @@ def _pieces(bound: MeshCaster, outline: Outline, rays: Array) -> Array:
     enter, leave = hits.t[first].astype(np.float64), hits.t[first + 1].astype(np.float64)
     short = (leave - enter) * outline.camera.K[0, 0] < LONGEST * enter
     enter, leave, rays = enter[short], leave[short], rays[once[short]]
-    along = [center + (enter + share * (leave - enter))[:, None] * rays for share in np.linspace(0, 1, _PLACES)]
+    along = [center + (enter + share * (leave - enter))[:, None] * rays for share in np.linspace(0, 1, _SAMPLES)]
     return np.concatenate(along)
 
 
-#: directions that are tried from every point
-RAYS = 32
-
-
-#: least cosine between a direction and the point's normal
-OUTWARD = 0.2
-
-
-#: points asked at a time
-_AT_A_TIME = 50_000
-
-
-def with_outlines(cloud: Cloud, maps: MapStore, seen: Mesh, hull: Mesh, step: float) -> Cloud:
+def complete_by_hull(cloud: Cloud, maps: MapStore, seen: Mesh, hull: Mesh, step: float) -> Cloud:
     """Add the outlines' surface to the points that depth maps show.
 
     A point of it counts where no point of the cloud is near, no map looks through it, and it does not lie inside of the

@@ -1,4 +1,4 @@
-"""Masks that contradict the surface: where they lost a part of the object they say nothing.
+"""Consistency of masks with the surface: where they lost a part of the object they say nothing.
 
 Every point of an object projects inside its mask, hidden or not. Masks by brightness lose what lies in shadow; an
 outline there would cut away surface that other photos show.
@@ -39,7 +39,7 @@ def contradicting(cloud: Cloud, outlines: Sequence[Outline]) -> Array:
     return sure[(outside > 0) & (outside <= WRONG * told)]
 
 
-def doubted(outline: Outline, points: Array) -> Outline:
+def without_contradicted(outline: Outline, points: Array) -> Outline:
     """Return an outline that says nothing (NaN) around the points (N, 3) that it leaves out."""
     import cv2
 
@@ -52,7 +52,7 @@ def doubted(outline: Outline, points: Array) -> Outline:
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * SPREAD + 1, 2 * SPREAD + 1))
     unsure = cv2.dilate(marked, disc) > 0
     distance = np.where(unsure & (outline.distance > 0), np.float32(np.nan), outline.distance)
-    return replace(outline, distance=distance, doubted=True)
+    return replace(outline, distance=distance, contradicted=True)
 
 
 def outline_distances(outline: Outline, points: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Which way to a surface fits what was measured, and why."""
+"""Which method of making a surface fits what was measured, and why."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ AROUND = 0.72
 
 @dataclass(frozen=True)
 class Choice:
-    """A way to a surface.
+    """A method of making a surface.
 
     Attributes
     ----------
     method : str
         "volume", "poisson" or "hull".
-    fill : bool
-        The outlines close what no depth shows.
+    hull_completion : bool
+        The visual hull closes what no depth shows.
     reason : str
     measured : dict
         The figures behind it.
     """
 
     method: Method
-    fill: bool
+    hull_completion: bool
     reason: str
     measured: dict[str, Any]
 
@@ -48,7 +48,7 @@ def choose(
     depth_share: float,
     center: np.ndarray | None,
 ) -> Choice:
-    """Choose the method and whether outlines fill.
+    """Choose the method and whether the hull completes it.
 
     Parameters
     ----------
@@ -72,10 +72,11 @@ def choose(
         "agreed_depth": round(depth_share, 4),
     }
     whole = bool(outlines) and cut <= CUT_OFF and spread <= AROUND
-    fill = config.fill == "always" or (config.fill == "auto" and whole)
+    wish = config.hull_completion
+    complete = wish == "always" or (wish == "auto" and whole)
     if config.method != "auto":
-        fills = config.method == "hull" or (config.method == "poisson" and fill and bool(outlines))
-        return Choice(config.method, fills, "set by the pipeline file", measured)
+        complete = config.method == "hull" or (config.method == "poisson" and complete and bool(outlines))
+        return Choice(config.method, complete, "set by the pipeline file", measured)
     if whole and depth_share < config.depth_share:
         why = f"only {depth_share:.0%} of the masks' pixels have agreed depth; the masks show the whole object"
         return Choice("hull", True, why, measured)
@@ -83,10 +84,10 @@ def choose(
         why = (
             f"{depth_share:.0%} of the masks' pixels have agreed depth, and the masks show the whole object from around"
         )
-        return Choice("poisson", fill, why, measured)
+        return Choice("poisson", complete, why, measured)
     lacking = "there are no masks" if not outlines else "the masks do not show a whole object from around"
     why = f"{depth_share:.0%} of the pixels have agreed depth; {lacking}, so what was not seen stays open"
-    return Choice("poisson", fill and bool(outlines), why, measured)
+    return Choice("poisson", complete and bool(outlines), why, measured)
 
 
 def _spread(views: Sequence[View], center: Array | None) -> float:

@@ -1,7 +1,7 @@
-"""How well a surface carries photos into each other: the measure by which the outlines alone are held against depth.
+"""Photo-consistency of a surface: the measure by which the outlines alone are held against depth.
 
-A photo is taken over the surface into another one and compared there, window by window, by normalised correlation.
-Whatever the surface was made from, a better one makes them more alike.
+A photo is reprojected over the surface into another one and compared there, window by window, by normalised
+cross-correlation (NCC). Whatever the surface was made from, a better one gives a higher correlation.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ibrpipe.progress import track
 from ibrpipe.reconstruction.depth.image_pyramid import Picture, forget_pictures, picture_of
 from ibrpipe.types import Array, Mesh
 
-#: photos that are compared, and how many are carried into each
+#: photos that are compared, and how many are reprojected into each
 PHOTOS, PARTNERS = 12, 2
 #: angle between photos that is looked for: enough for depth to show, little enough for shine to stay, degrees
 APART = 15.0
@@ -30,11 +30,11 @@ _HIDES = 0.005
 SURE = 2.0
 
 
-def carried(meshes: Sequence[Mesh], views: Sequence[View], middle: Array) -> Array:
-    """Return how well the surfaces carry photos over, (photos, meshes) float64, 0 to 1.
+def photo_consistency(meshes: Sequence[Mesh], views: Sequence[View], middle: Array) -> Array:
+    """Return the photo-consistency of surfaces, (photos, meshes) float64, 0 to 1.
 
-    It is the mean correlation over the windows of a photo's mask that have any texture; 0 where the surface is missing,
-    or hidden from the other photo.
+    It is the mean correlation with other photos, reprojected, over the windows of a photo's mask that have any
+    texture; 0 where the surface is missing, or hidden from the other photo.
 
     Parameters
     ----------
@@ -46,12 +46,12 @@ def carried(meshes: Sequence[Mesh], views: Sequence[View], middle: Array) -> Arr
     """
     casters, chosen = [MeshCaster(mesh) for mesh in meshes], views[:: max(1, -(-len(views) // PHOTOS))]
     found = np.zeros((len(chosen), len(meshes)))
-    for row, view in enumerate(track(chosen, "carry photos")):
+    for row, view in enumerate(track(chosen, "photo-consistency")):
         here = _picture(view)
         others = [_picture(each) for each in partners(view, views, middle)]
         for column, caster in enumerate(casters):
             points = _surface(caster, here)
-            found[row, column] = np.mean([alike(here, *_over(caster, points, other)) for other in others])
+            found[row, column] = np.mean([masked_ncc(here, *_reprojected(caster, points, other)) for other in others])
     forget_pictures()
     return found
 
@@ -84,7 +84,7 @@ def _surface(caster: MeshCaster, here: Picture) -> Array:
     return here.camera.center + np.where(front, hits.t, np.nan)[..., None] * rays
 
 
-def _over(caster: MeshCaster, points: Array, other: Picture) -> tuple[Array, Array]:
+def _reprojected(caster: MeshCaster, points: Array, other: Picture) -> tuple[Array, Array]:
     """Grey values (H, W) of another photo at the points, and where it shows them (H, W) bool."""
     import cv2
 
@@ -102,8 +102,8 @@ def _over(caster: MeshCaster, points: Array, other: Picture) -> tuple[Array, Arr
     return cv2.remap(other.grey, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), seen_there
 
 
-def alike(here: Picture, carried_over: Array, shown: Array) -> float:
-    """Mean correlation of a picture and what was carried over (H, W), over the mask's windows with texture."""
+def masked_ncc(here: Picture, reprojected: Array, shown: Array) -> float:
+    """Mean correlation of a picture with one `reprojected` (H, W) where `shown`, in windows with texture."""
     import cv2
 
     def mean(values: Array) -> Array:
@@ -114,7 +114,7 @@ def alike(here: Picture, carried_over: Array, shown: Array) -> float:
         return mean(values * values * weight) / share - (mean(values * weight) / share) ** 2
 
     inside, both = here.valid.astype(np.float64), shown.astype(np.float64)
-    a, b = here.grey.astype(np.float64), np.where(shown, carried_over, 0).astype(np.float64)
+    a, b = here.grey.astype(np.float64), np.where(shown, reprojected, 0).astype(np.float64)
     told = (inside > 0) & (spread(a, inside) > _SPREAD**2)
     share = np.maximum(mean(both), 1e-6)
     joint = mean(a * b * both) / share - mean(a * both) * mean(b * both) / share**2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import AliasChoices, Field
 
 from ibrpipe.config import StageConfig
 
@@ -19,12 +19,15 @@ class SurfaceConfig(StageConfig):
         description="volume = averaged signed distances, poisson = screened Poisson on the points, hull = the outlines "
         "alone; auto = chosen by what the maps and masks hold",
     )
-    fill: Literal["auto", "always", "never"] = Field(
+    hull_completion: Literal["auto", "always", "never"] = Field(
         "auto",
+        validation_alias=AliasChoices("hull_completion", "fill"),
         description="Close what no depth shows by the outlines; auto = where masks show a whole object from around",
     )
-    fit_rims: bool = Field(
-        True, description="Move the surface's rims to the masks' outlines, where at least three photos show them near"
+    silhouette_fit: bool = Field(
+        True,
+        validation_alias=AliasChoices("silhouette_fit", "fit_rims"),
+        description="Move the surface's rims to the masks' outlines, where at least three photos show them near",
     )
     two_sided: Literal["auto", "never", "always"] = Field(
         "auto",

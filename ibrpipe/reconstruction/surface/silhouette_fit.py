@@ -36,7 +36,7 @@ _BEHIND = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A mesh as the rims need it.
+    """A mesh as the fit needs it.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Shape:
     direction: Array
 
 
-def fitted(mesh: Mesh, outlines: Sequence[Outline]) -> tuple[Mesh, Array]:
+def fit_to_silhouettes(mesh: Mesh, outlines: Sequence[Outline]) -> tuple[Mesh, Array]:
     """Move the rims to the outlines; also return how far every vertex was moved, (V,) scene units.
 
     Parameters
@@ -71,7 +71,7 @@ def fitted(mesh: Mesh, outlines: Sequence[Outline]) -> tuple[Mesh, Array]:
     start = mesh.vertices
     for _ in range(STEPS if outlines else 0):
         shape = shape_of(mesh)
-        move = spread(shape, *wanted(shape, outlines))
+        move = smoothest_moves(shape, *wanted(shape, outlines))
         mesh = Mesh(mesh.vertices + move * unfolded(mesh, move)[:, None], mesh.faces)
     return mesh, np.linalg.norm(mesh.vertices - start, axis=1)
 
@@ -177,10 +177,10 @@ def _ends(caster: MeshCaster, outline: Outline, points: Array, beyond: Array) ->
     return (caster.cast(camera.center, rays).face < 0) & ~(before.t < 1 - _BEHIND / camera.K[0, 0])
 
 
-def spread(shape: Shape, move: Array, photos: Array) -> Array:
+def smoothest_moves(shape: Shape, move: Array, photos: Array) -> Array:
     """Return the smoothest moves (V, 3) of all vertices that give what the photos want, fading to none beyond.
 
-    Least squares: photos bind the part along a vertex's direction, neighbours move alike, and all would rather rest.
+    Least squares: photos bind the part along a vertex's direction, neighbours move the same, and all would rather rest.
     """
     from scipy.sparse import coo_matrix
 
@@ -189,9 +189,9 @@ def spread(shape: Shape, move: Array, photos: Array) -> Array:
     links = coo_matrix((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(count, count)).tocsr()
     degree, weight = np.asarray(links.sum(axis=1)), np.minimum(photos, MOST)[:, None] / MOST
 
-    def pulled(place: Array) -> Array:
-        bound = weight * (shape.direction * place).sum(axis=1, keepdims=True) * shape.direction
-        return bound + SMOOTH * (degree * place - links @ place) + REST * place
+    def pulled(moves: Array) -> Array:
+        bound = weight * (shape.direction * moves).sum(axis=1, keepdims=True) * shape.direction
+        return bound + SMOOTH * (degree * moves - links @ moves) + REST * moves
 
     return _solved(pulled, weight * move[:, None] * shape.direction)
 

@@ -30,14 +30,14 @@ class Outline:
         Pixels to the outline, positive outside; NaN where the photo has no pixel.
     touches : bool
         The mask reaches the border of the picture.
-    doubted : bool
-        It was found wrong in a place, see `doubt`.
+    contradicted : bool
+        Points that are sure lie outside it, see `mask_consistency`.
     """
 
     camera: Camera
     distance: Array
     touches: bool
-    doubted: bool = False
+    contradicted: bool = False
 
 
 def load_outlines(views: Sequence[View], most_pixels: int = 1_000_000) -> list[Outline]:

@@ -18,7 +18,7 @@ from ibrpipe.reconstruction.depth.fusion import Cloud, FusionRules, fuse
 from ibrpipe.reconstruction.depth.map_store import load_map, slope_normals
 from ibrpipe.reconstruction.surface.build import build_surface
 from ibrpipe.reconstruction.surface.hull_completion import behind
-from ibrpipe.reconstruction.surface.mask_consistency import contradicting, doubted
+from ibrpipe.reconstruction.surface.mask_consistency import contradicting, without_contradicted
 from ibrpipe.reconstruction.surface.mesh_operations import (
     large_patches,
     openings,
@@ -94,8 +94,8 @@ def test_auto_closes_a_whole_object_by_its_outlines(ball, noisy, tmp_path: Path)
     built = build_surface(views, noisy, SurfaceConfig(disparity=1.5, depth_difference=0.02), tmp_path, 200_000_000)
     assert built.facts["method"] == "poisson"
     assert built.facts["measured"]["photos_with_mask"] == len(views)
-    alike = {way: built.facts["measured"][f"carried_by_{way}"] for way in ("poisson", "volume", "hull")}
-    assert 0 < alike["volume"] <= alike["poisson"] < 1  # holes carry nothing
+    figures = {each: built.facts["measured"][f"photo_consistency_{each}"] for each in ("poisson", "volume", "hull")}
+    assert 0 < figures["volume"] <= figures["poisson"] < 1  # holes agree with nothing
     assert "the outlines alone" in built.facts["reason"]
     assert built.facts["closed"]
     assert built.facts["looked_through_share"] == 0
@@ -105,7 +105,7 @@ def test_auto_closes_a_whole_object_by_its_outlines(ball, noisy, tmp_path: Path)
 
 def test_without_depth_the_outlines_are_the_surface(ball, tmp_path: Path) -> None:
     views, mesh, _ = ball
-    built = build_surface(views, [], SurfaceConfig(fill="always", method="hull"), tmp_path, 200_000_000)
+    built = build_surface(views, [], SurfaceConfig(hull_completion="always", method="hull"), tmp_path, 200_000_000)
     assert built.facts["closed"]
     assert built.facts["unseen_share"] == 1.0
     assert (built.evidence.confidence == 0).all()
@@ -141,11 +141,11 @@ def test_masks_that_lose_a_part_say_nothing_there(ball, noisy, tmp_path: Path) -
     middle = outlines[3].camera.width // 2
     lost = np.where(np.arange(outlines[3].camera.width) < middle, np.float32(20), outlines[3].distance)
     against = contradicting(cloud, [*outlines[:3], replace(outlines[3], distance=lost), *outlines[4:]])
-    mended = doubted(replace(outlines[3], distance=lost), against).distance
+    mended = without_contradicted(replace(outlines[3], distance=lost), against).distance
     inside = (outlines[3].distance < -3) & (np.arange(lost.shape[1]) < middle)
     assert np.isnan(mended[inside]).mean() > 0.9
     assert np.isnan(mended).sum() < 1.5 * inside.sum()
-    assert doubted(outlines[0], against[:0]) is outlines[0]
+    assert without_contradicted(outlines[0], against[:0]) is outlines[0]
 
 
 def test_poisson_takes_no_more_points_than_memory_holds(ball) -> None:

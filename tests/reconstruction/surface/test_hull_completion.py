@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ibrpipe.reconstruction.depth.fusion import Cloud
-from ibrpipe.reconstruction.surface.hull_completion import demanded, with_asked
+from ibrpipe.reconstruction.surface.hull_completion import complete_by_masks, required_by_masks
 from ibrpipe.reconstruction.surface.mesh_operations import vertex_normals
 from ibrpipe.reconstruction.surface.silhouettes import Outline, outline_of
 from ibrpipe.synthetic.surfaces import ball, lobed_ball
@@ -50,30 +50,31 @@ def _cloud(mesh: Mesh) -> Cloud:
 
 def test_a_dent_that_masks_refute_is_filled(outlines: list[Outline]) -> None:
     whole, dented, depth = _dented()
-    found = with_asked(_cloud(dented), dented, whole, outlines, STEP)
+    found = complete_by_masks(_cloud(dented), dented, whole, outlines, STEP)
     assert 0 < found.missed < 0.02
-    assert (found.places[:, 0] > 0.5).all()  # nowhere else
+    assert (found.required[:, 0] > 0.5).all()  # nowhere else
     left = {tuple(each) for each in found.cloud.position}
     gone = np.array([tuple(each) not in left for each in dented.vertices])
-    assert gone.sum() == found.wrong
+    assert gone.sum() == found.behind
     assert gone[depth > 2 * STEP].mean() > 0.8
     assert not gone[depth < STEP].any()
     error = np.abs(np.linalg.norm(found.cloud.position, axis=1) - 1)
     assert (error > 2 * STEP).sum() < 0.2 * (depth > 2 * STEP).sum()
-    assert found.measured["points_behind"] == found.wrong
+    assert found.measured["points_behind"] == found.behind
 
 
-def test_masks_that_are_met_or_doubted_ask_for_nothing(outlines: list[Outline]) -> None:
+def test_masks_that_are_met_or_contradicted_ask_for_nothing(outlines: list[Outline]) -> None:
     whole, dented, _ = _dented()
     cloud = _cloud(dented)
-    assert with_asked(cloud, dented, whole, [replace(each, doubted=True) for each in outlines], STEP).cloud is cloud
-    assert with_asked(cloud, whole, whole, outlines, STEP).cloud is cloud
+    silent = [replace(each, contradicted=True) for each in outlines]
+    assert complete_by_masks(cloud, dented, whole, silent, STEP).cloud is cloud
+    assert complete_by_masks(cloud, whole, whole, outlines, STEP).cloud is cloud
 
 
 def test_a_long_way_through_the_hull_tells_nothing(outlines: list[Outline]) -> None:
     whole = ball(lobed_ball(1.0, 1, 0.0, 1.0), 120, 60).mesh
     front = whole.faces[whole.vertices[whole.faces][:, :, 0].mean(axis=1) > 0.3]
-    asked, missed = demanded(Mesh(whole.vertices, front), whole, outlines, STEP)
+    required, missed = required_by_masks(Mesh(whole.vertices, front), whole, outlines, STEP)
     assert missed > 0.3
-    share = asked[whole.vertices[:, 0] < 0].mean()
+    share = required[whole.vertices[:, 0] < 0].mean()
     assert 0.02 < share < 1  # only what stands at the rim of a photo

@@ -6,7 +6,7 @@ import numpy as np
 
 from ibrpipe.reconstruction.depth.evidence import Evidence
 from ibrpipe.reconstruction.surface.mesh_operations import openings
-from ibrpipe.reconstruction.surface.silhouette_fit import fitted, less_sure, shape_of, unfolded
+from ibrpipe.reconstruction.surface.silhouette_fit import fit_to_silhouettes, less_sure, shape_of, unfolded
 from ibrpipe.reconstruction.surface.silhouettes import Outline, outline_of
 from ibrpipe.types import Camera, Mesh
 
@@ -69,7 +69,7 @@ def _square(half: float, count: int = 40) -> Mesh:
 
 def test_a_shrunken_ball_grows_back_to_its_outlines() -> None:
     pixel = 5 / _cameras(1.0, 48)[0].K[0, 0]
-    found, moved = fitted(_ball(1 - pixel), [_ball_outline(each) for each in _cameras(1.0, 48)])
+    found, moved = fit_to_silhouettes(_ball(1 - pixel), [_ball_outline(each) for each in _cameras(1.0, 48)])
     left = (np.linalg.norm(found.vertices, axis=1) - 1) / pixel
     assert abs(left.mean()) < 0.25  # of one pixel
     assert left.std() < 0.2
@@ -81,7 +81,7 @@ def test_an_open_border_moves_out_and_the_middle_stays() -> None:
     cameras = _cameras(0.4)
     pixel = 5 / cameras[0].K[0, 0]
     sheet = _square(1 - 1.5 * pixel)
-    found, moved = fitted(sheet, [_square_outline(each) for each in cameras])
+    found, moved = fit_to_silhouettes(sheet, [_square_outline(each) for each in cameras])
     border = shape_of(sheet).border
     left = (np.abs(found.vertices[border, :2]).max(axis=1) - 1) / pixel
     assert abs(np.median(left)) < 0.3  # of 1.5 pixels
@@ -93,16 +93,16 @@ def test_an_open_border_moves_out_and_the_middle_stays() -> None:
 def test_pictures_whose_border_cuts_the_surface_say_nothing() -> None:
     sheet, cameras = _square(0.9), _cameras(0.4)
     whole = [outline_of(each, np.ones((each.height, each.width), np.float32), _KNOWN) for each in cameras]
-    assert fitted(sheet, whole)[0].vertices.tobytes() == sheet.vertices.tobytes()
-    assert fitted(sheet, [])[0] is sheet
+    assert fit_to_silhouettes(sheet, whole)[0].vertices.tobytes() == sheet.vertices.tobytes()
+    assert fit_to_silhouettes(sheet, [])[0] is sheet
 
 
 def test_far_and_lonely_outlines_move_nothing() -> None:
     cameras = _cameras(0.4)
     pixel = 5 / cameras[0].K[0, 0]
-    far = fitted(_square(1 - 12 * pixel), [_square_outline(each) for each in cameras])
+    far = fit_to_silhouettes(_square(1 - 12 * pixel), [_square_outline(each) for each in cameras])
     assert far[1].max() == 0
-    two = fitted(_square(1 - pixel), [_square_outline(each) for each in cameras[:2]])
+    two = fit_to_silhouettes(_square(1 - pixel), [_square_outline(each) for each in cameras[:2]])
     assert two[1].max() == 0
 
 
