@@ -43,5 +43,5 @@ def test_other_names_are_refused(tmp_path: Path, key: str) -> None:
 
 
 def test_a_setting_under_both_names_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match='unknown key "fill" in geometry.surface'):
+    with pytest.raises(ConfigError, match=r'unknown key "fill" in geometry\.surface'):
         load(tmp_path, "  surface: {fill: never, hull_completion: always}\n")
