@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ibrpipe.bench.ablation import around, as_table, main
+from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.stages import geometry, ingest, layers, plan
 
 
@@ -43,7 +44,7 @@ def test_the_table_measures_every_loss(run_folder: Path, capsys: pytest.CaptureF
 def test_directions_and_weights_bracket_the_view(run_folder: Path) -> None:
     from ibrpipe.core.spiral import directions
 
-    texture = replace(plan.read_plan(run_folder / "plan/plan.json")[0], k=1 / 24)
+    texture = replace(read_plan(run_folder / "plan/plan.json")[0], k=1 / 24)
     rng = np.random.default_rng(1)
     toward = rng.normal(size=(200, 3)) * 0.4 - 2.0 * texture.rectangle.f
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)

@@ -8,12 +8,17 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
-FILES = ("test_spiral_lookup.py", "test_photo_blend.py", "test_histogram.py", "test_diffuse_lookup.py")
+FILES = (
+    "spiral/test_lookup.py",
+    "appearance/test_photo_blend.py",
+    "appearance/test_diffuse.py",
+    "appearance/test_diffuse_lookup.py",
+)
 
 
 def test_twins_without_the_compiler():
     files = [str(HERE / name) for name in (*FILES, "test_normals.py")]
-    files.append(str(HERE.parent / "renderers" / "test_residual_pass.py"))
+    files.append(str(HERE.parent / "renderers" / "view_dependence" / "test_spiral.py"))
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-k", "twin", *files]
     done = subprocess.run(
         command,

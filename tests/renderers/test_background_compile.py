@@ -64,7 +64,7 @@ def test_colours_of_lines_in_relief_are_listed(monkeypatch):
 SCRIPT = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from ibrpipe.core import relief_shade
+from ibrpipe.core.relief import shade as relief_shade
 from ibrpipe.renderers.background_compile import FirstCall, is_cached
 from test_background_compile import SMALL
 beside = FirstCall((SMALL,))

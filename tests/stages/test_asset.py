@@ -10,6 +10,7 @@ import pytest
 import ibrpipe
 from ibrpipe.errors import IbrError
 from ibrpipe.io.assets import read_asset, read_index
+from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.stages import asset, layers, plan, residuals
 
 
@@ -36,7 +37,7 @@ def made(measured, tmp_path_factory):
 
 def test_the_index_tells_what_was_made(made):
     folder, _ = made
-    index, plans = read_index(folder / "asset"), plan.read_plan(folder / "plan" / "plan.json")
+    index, plans = read_index(folder / "asset"), read_plan(folder / "plan" / "plan.json")
     assert index.units == "metre"
     assert len(index.provenance["photos"]) == 14
     assert len(index.provenance["held_out"]) == 3

@@ -15,7 +15,8 @@ import pytest
 from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.engine.executor import executor
 from ibrpipe.io.residuals import read_residuals
-from ibrpipe.modelling.view_dependence import sample_sets
+from ibrpipe.modelling.plan_file import read_plan
+from ibrpipe.modelling.view_dependence import coding, sample_sets, spiral
 from ibrpipe.modelling.view_dependence import spiral_images as spiral_images_module
 from ibrpipe.modelling.view_dependence.back_projection import errors_in_batches, photo_errors
 from ibrpipe.modelling.view_dependence.coding import code
@@ -74,10 +75,15 @@ def assert_same_files(one: Path, other: Path) -> None:
         assert (one / path).read_bytes() == (other / path).read_bytes()
 
 
+def small_units(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (spiral, coding):
+        monkeypatch.setattr(module, "UNIT", 3000)
+
+
 def test_bytes_do_not_depend_on_the_executor(
     sources: Sources, inline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(residuals, "UNIT", 3000)  # many small units
+    small_units(monkeypatch)
     with executor(3):
         build(sources, tmp_path / "threads", quality=100)
     assert_same_files(inline, tmp_path / "threads")
@@ -87,7 +93,7 @@ def test_bytes_do_not_depend_on_the_memory(
     sources: Sources, inline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sample_sets, "TEXEL_BYTES", 1e6)  # so that hardly a texel fits: every photo by itself
-    monkeypatch.setattr(residuals, "UNIT", 3000)
+    small_units(monkeypatch)
     monkeypatch.setattr(spiral_images_module, "BAND", 600)
     build(sources, tmp_path / "scarce", quality=100, memory_mb=16)
     assert_same_files(inline, tmp_path / "scarce")
@@ -188,7 +194,7 @@ def test_chunks_cover_every_image_once() -> None:
 
 
 def test_the_published_spiral_has_fewer_images(sources: Sources) -> None:
-    texture = plan.read_plan(sources.plan)[0]
+    texture = read_plan(sources.plan)[0]
     closed, published = (spiral_images(texture, which) for which in (True, False))
     assert len(closed[1]) == len(closed[0]) > len(published[0])
     finer = spiral_images(replace(texture, residual_scale=2 * texture.residual_scale), True)[1]
