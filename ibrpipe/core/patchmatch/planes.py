@@ -22,10 +22,10 @@ STEEPEST = -0.14
 
 
 @fused_exact
-def hashed(seed, pixel, turn, salt):
+def hashed(seed, pixel, sweep_number, salt):
     # a number 0..2^32-1 from four whole numbers (two rounds of a 32-bit mixer with multipliers below 2^31)
     h = (seed * 0x21F0AAAD + pixel) & MASK
-    for extra in (turn, salt):
+    for extra in (sweep_number, salt):
         h ^= h >> 16
         h = (h * 0x21F0AAAD) & MASK
         h ^= h >> 15
@@ -37,9 +37,9 @@ def hashed(seed, pixel, turn, salt):
 
 
 @fused_exact
-def uniform(seed, pixel, turn, salt):
+def uniform(seed, pixel, sweep_number, salt):
     # 0 <= number < 1
-    return hashed(seed, pixel, turn, salt) / 4294967296.0
+    return hashed(seed, pixel, sweep_number, salt) / 4294967296.0
 
 
 @fused_exact
@@ -83,10 +83,10 @@ def towards(nx, ny, nz, x, y, lens):
 
 
 @fused_exact
-def random_normal(seed, pixel, turn, salt, x, y, lens):
+def random_normal(seed, pixel, sweep_number, salt, x, y, lens):
     # evenly over the half-sphere that faces the camera
-    z = 2.0 * uniform(seed, pixel, turn, salt) - 1.0
-    phi = 6.283185307179586 * uniform(seed, pixel, turn, salt + 1)
+    z = 2.0 * uniform(seed, pixel, sweep_number, salt) - 1.0
+    phi = 6.283185307179586 * uniform(seed, pixel, sweep_number, salt + 1)
     r = math.sqrt(max(1.0 - z * z, 0.0))
     return towards(r * math.cos(phi), r * math.sin(phi), z, x, y, lens)
 

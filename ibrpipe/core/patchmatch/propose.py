@@ -58,7 +58,7 @@ def propose(state, valid, i, j, candidates):
 
 
 @fused_exact
-def change(best, ranges, reach, lens, i, j, seed, pixel, turn, candidates):
+def change(best, ranges, reach, lens, i, j, seed, pixel, sweep_number, candidates):
     # candidates filled with changes of the plane `best`; ranges: low, high, inverse depth that moves it by a pixel;
     # reach: pixels; returns how many
     x, y, low, high = j + 0.5, i + 0.5, ranges[0], ranges[1]
@@ -68,18 +68,18 @@ def change(best, ranges, reach, lens, i, j, seed, pixel, turn, candidates):
         salt = 8 * (k + 1)
         new_q, mx, my, mz = q, nx, ny, nz
         if k == 0 or k == 2:
-            new_q = q + (2.0 * uniform(seed, pixel, turn, salt) - 1.0) * reach * ranges[2]
+            new_q = q + (2.0 * uniform(seed, pixel, sweep_number, salt) - 1.0) * reach * ranges[2]
         elif k == 1:
-            new_q = q + (2.0 * uniform(seed, pixel, turn, salt) - 1.0) * 0.15 * reach * ranges[2]
+            new_q = q + (2.0 * uniform(seed, pixel, sweep_number, salt) - 1.0) * 0.15 * reach * ranges[2]
         elif k == 4:
-            new_q = low + (high - low) * uniform(seed, pixel, turn, salt)
+            new_q = low + (high - low) * uniform(seed, pixel, sweep_number, salt)
         if k == 2 or k == 3:
             spread = min(0.3 * reach, 0.6)
-            mx += spread * (2.0 * uniform(seed, pixel, turn, salt + 1) - 1.0)
-            my += spread * (2.0 * uniform(seed, pixel, turn, salt + 2) - 1.0)
-            mz += spread * (2.0 * uniform(seed, pixel, turn, salt + 3) - 1.0)
+            mx += spread * (2.0 * uniform(seed, pixel, sweep_number, salt + 1) - 1.0)
+            my += spread * (2.0 * uniform(seed, pixel, sweep_number, salt + 2) - 1.0)
+            mz += spread * (2.0 * uniform(seed, pixel, sweep_number, salt + 3) - 1.0)
         elif k >= 4:
-            mx, my, mz = random_normal(seed, pixel, turn, salt + 4, x, y, lens)
+            mx, my, mz = random_normal(seed, pixel, sweep_number, salt + 4, x, y, lens)
         new_q = min(max(new_q, low), high)
         mx, my, mz = towards(mx, my, mz, x, y, lens)
         a, b = tilted(new_q, mx, my, mz, x, y, lens)

@@ -34,8 +34,8 @@ def add_up(costs, weights, count, totals):
 
 @exact_kernel
 def sweep(
-    colour, turn, seed, reach, keep, softness, consistency, ranges, lens, window, reference, valid, views, pictures,
-    others, state,
+    colour, sweep_number, seed, reach, keep, softness, consistency, ranges, lens, window, reference, valid, views,
+    pictures, others, state,
 ):  # fmt: skip
     # colour 0 or 1; reach: pixels; softness: 1 / (32 sigma^2) of grey levels
     # consistency (2,) f32: weight of a pixel of disagreement (0 = photometric), most pixels
@@ -45,7 +45,7 @@ def sweep(
     # state (4, H, W) f32: planes and their cost, updated in place
     rows, columns = valid.shape
     margin = (reference.shape[0] - rows) // 2
-    limit = np.float32(0.8 * math.exp(-turn * turn / 90.0))
+    limit = np.float32(0.8 * math.exp(-sweep_number * sweep_number / 90.0))
     for i in prange(rows):
         work = np.empty(WORK, np.float32)
         lay_window(window, work)
@@ -61,7 +61,7 @@ def sweep(
                 if phase == 0:
                     count = propose(state, valid, i, j, candidates)
                 else:
-                    count = change(best, ranges, reach, lens, i, j, seed, i * columns + j, turn, candidates)
+                    count = change(best, ranges, reach, lens, i, j, seed, i * columns + j, sweep_number, candidates)
                 for n in range(views.shape[0]):
                     if phase == 1 and weights[n] == ZERO:
                         continue

@@ -87,7 +87,7 @@ def fuse_view(
                 continue
             dx, dy, dz = ray_of(rays, 0, column + 0.5, row + 0.5)
             weight = max(float(confidence[index]), 1e-3)
-            total, mean, doubt = weight, weight * z, 1.0 - min(float(confidence[index]), 0.999)
+            total, mean, unsure = weight, weight * z, 1.0 - min(float(confidence[index]), 0.999)
             nx, ny, nz = weight * normal[index, 0], weight * normal[index, 1], weight * normal[index, 2]
             votes, through = 1, 0
             for m in range(1, sizes.shape[0]):
@@ -101,13 +101,13 @@ def fuse_view(
                     weight = max(float(confidence[there]), 1e-3)
                     total += weight
                     mean += weight * other
-                    doubt *= 1.0 - min(float(confidence[there]), 0.999)
+                    unsure *= 1.0 - min(float(confidence[there]), 0.999)
                     nx += weight * normal[there, 0]
                     ny += weight * normal[there, 1]
                     nz += weight * normal[there, 2]
             out_votes[row, column, 0], out_votes[row, column, 1] = votes, through
             out_mean[row, column, 0] = mean / total
-            out_mean[row, column, 1] = (1.0 - doubt) * votes / (votes + through)
+            out_mean[row, column, 1] = (1.0 - unsure) * votes / (votes + through)
             length = math.sqrt(nx * nx + ny * ny + nz * nz)
             if length > 0.0:
                 out_normal[row, column, 0] = nx / length

@@ -21,7 +21,7 @@ from ibrpipe.reconstruction.depth.patchmatch import run_pass
 from ibrpipe.reconstruction.depth.semi_global import run_pairs
 from ibrpipe.reconstruction.depth.settings import DepthConfig
 from ibrpipe.reconstruction.depth.spacing import angles_between
-from ibrpipe.reconstruction.depth.view_selection import neighbourhoods
+from ibrpipe.reconstruction.depth.view_selection import select_views
 
 __all__ = ["DepthConfig", "estimate_depths"]
 
@@ -57,19 +57,19 @@ def estimate_depths(
     Memory: ``20 V + 80`` bytes a pixel of a depth map for V neighbours and each unit at work, and a cache of pictures
     of `pictures.CACHE_BYTES`. Disk, until it is done: 32 bytes a pixel of all depth maps.
     """
-    around = neighbourhoods(views, points, config.neighbours)
-    job = Job(tuple(views), around, config, seed, workspace)
+    selections = select_views(views, points, config.neighbours)
+    job = Job(tuple(views), selections, config, seed, workspace)
     job.resume()
     method = _by_planes if config.method == "patchmatch" else _by_pairs
     seconds = [0.0] * len(views) if job.done() else method(job)
     maps = tuple(
         DepthMap(
             view, job.workspace.depth(view.name), job.workspace.normal(view.name), job.workspace.confidence(view.name),
-            tuple(views[other].name for other in around[i].others), seconds[i],
-            angles_between(view, [views[other] for other in around[i].others], read_map(job.workspace.depth(view.name)),
-                           2 / (1 / around[i].near + 1 / around[i].far)),
+            tuple(views[other].name for other in selection.others), seconds[i],
+            angles_between(view, [views[other] for other in selection.others], read_map(job.workspace.depth(view.name)),
+                           2 / (1 / selection.near + 1 / selection.far)),
         )
-        for i, view in enumerate(views)
+        for i, (view, selection) in enumerate(zip(views, selections, strict=True))
     )  # fmt: skip
     write_workspace(job.workspace, maps)
     job.finish()

@@ -23,22 +23,23 @@ def keep_agreed(job: Job, which: int, number: int) -> float:
     """Write the depth, normal and confidence map of a view from the planes of the last round; return the seconds."""
     start = time.perf_counter()
     name, space = job.views[which].name, job.workspace
-    around, config = job.around[which], job.config
+    selection, config = job.selections[which], job.config
     reference = job.picture(which, 1)
-    pictures = [job.picture(other, 1) for other in around.others]
+    pictures = [job.picture(other, 1) for other in selection.others]
     views = np.stack([relation(reference.camera, each.camera) for each in pictures])
     state = job.planes(number, which, 4)
     length = max(each.valid.size for each in pictures)
     others = np.zeros((len(pictures), 3, length), np.float32)
-    for n, other in enumerate(around.others):
+    for n, other in enumerate(selection.others):
         planes = job.planes(number, other)
         others[n, :, : planes[0].size] = planes.reshape(3, -1)
     count = np.zeros(reference.valid.shape, np.uint8)
-    turn = config.max_turn if len(pictures) > 1 else 180.0  # where texture is weak, normals of a mere pair are noise
-    limits = np.array([config.max_shift, config.max_depth_change, np.cos(np.radians(turn))])
+    # where texture is weak, normals of a mere pair are noise
+    angle = config.max_normal_angle if len(pictures) > 1 else 180.0
+    limits = np.array([config.max_shift, config.max_depth_change, np.cos(np.radians(angle))])
     count_agreeing(reference.lens, limits, views, others, state, count)
     kept = (state[0] > 0) & (count >= min(config.min_agreeing, len(pictures)))
-    step = pixel_step(reference.camera, views, float(0.5 / around.near + 0.5 / around.far))
+    step = pixel_step(reference.camera, views, float(0.5 / selection.near + 0.5 / selection.far))
     kept &= ~small_pieces(np.where(kept, state[0], 0), STEP * step, config.min_segment)
     sure = np.clip(1 - state[3], 0, 1) * np.minimum(count / np.float32(ENOUGH), 1)
     depth, normal = np.empty(kept.shape, np.float32), np.empty((*kept.shape, 3), np.float32)

@@ -14,7 +14,7 @@ from ibrpipe.io.views import View
 from ibrpipe.reconstruction.depth.image_pyramid import Picture, picture_of
 from ibrpipe.reconstruction.depth.schedule import map_size, shrunk_size
 from ibrpipe.reconstruction.depth.settings import DepthConfig
-from ibrpipe.reconstruction.depth.view_selection import Neighbourhood
+from ibrpipe.reconstruction.depth.view_selection import ViewSelection
 from ibrpipe.types import Array
 
 #: raised when results of earlier versions no longer fit
@@ -29,7 +29,7 @@ class Job:
     Attributes
     ----------
     views : tuple of View
-    around : tuple of Neighbourhood
+    selections : tuple of ViewSelection
         One for each view.
     config : DepthConfig
     seed : int
@@ -38,7 +38,7 @@ class Job:
     """
 
     views: tuple[View, ...]
-    around: tuple[Neighbourhood, ...]
+    selections: tuple[ViewSelection, ...]
     config: DepthConfig
     seed: int
     root: Path
@@ -70,8 +70,8 @@ class Job:
     def key(self) -> str:
         """Hash of all that decides the result."""
         views = [_described(view) for view in self.views]
-        around = [[list(each.others), each.near, each.far] for each in self.around]
-        return digest([VERSION, views, around, self.config.model_dump(mode="json"), self.seed])
+        selections = [[list(each.others), each.near, each.far] for each in self.selections]
+        return digest([VERSION, views, selections, self.config.model_dump(mode="json"), self.seed])
 
     def resume(self) -> None:
         """Make the folders; throw away what another job has left."""

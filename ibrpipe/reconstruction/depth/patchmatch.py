@@ -14,7 +14,7 @@ from ibrpipe.core.patchmatch.views import ROW
 from ibrpipe.reconstruction.depth.image_pyramid import Picture
 from ibrpipe.reconstruction.depth.job import Job, store
 from ibrpipe.reconstruction.depth.schedule import Pass, enlarged
-from ibrpipe.reconstruction.depth.view_selection import Neighbourhood
+from ibrpipe.reconstruction.depth.view_selection import ViewSelection
 from ibrpipe.types import Array, Camera
 
 #: pixels of disagreement between depth maps that cost most
@@ -27,24 +27,24 @@ def run_pass(job: Job, which: int, order: Pass) -> float:
     if target.is_file():
         return 0.0
     start = time.perf_counter()
-    around = job.around[which]
+    selection = job.selections[which]
     reference = job.picture(which, order.shrink)
-    pictures = [job.picture(other, order.shrink) for other in around.others]
+    pictures = [job.picture(other, order.shrink) for other in selection.others]
     seed = job.seed * 1_000_003 + which
-    state, others = first_state(reference, around, seed), np.zeros((len(pictures), 1), np.float32)
+    state, others = first_state(reference, selection, seed), np.zeros((len(pictures), 1), np.float32)
     if order.number > 0:
         state = _continued(job.planes(order.number - 1, which, 4), reference)
         if order.consistent:
-            others = _inverse_depths(job, order, around, pictures)
-    match(reference, pictures, others, around, order, job, seed, state)
+            others = _inverse_depths(job, order, selection, pictures)
+    match(reference, pictures, others, selection, order, job, seed, state)
     store(target, state)
     return time.perf_counter() - start
 
 
-def first_state(reference: Picture, around: Neighbourhood, seed: int) -> Array:
+def first_state(reference: Picture, selection: ViewSelection, seed: int) -> Array:
     """Random planes within the depth range, (4, H, W) float32."""
     state = np.empty((4, *reference.valid.shape), np.float32)
-    random_planes(reference.lens, reference.valid, 1.0 / around.far, 1.0 / around.near, seed, state)
+    random_planes(reference.lens, reference.valid, 1.0 / selection.far, 1.0 / selection.near, seed, state)
     return state
 
 
@@ -52,7 +52,7 @@ def match(
     reference: Picture,
     pictures: Sequence[Picture],
     others: Array,
-    around: Neighbourhood,
+    selection: ViewSelection,
     order: Pass,
     job: Job,
     seed: int,
@@ -63,7 +63,7 @@ def match(
     window = disc()
     margin = int(np.abs(window[:2]).max())
     padded = np.pad(np.where(reference.valid > 0, reference.grey, np.float32(-1)), margin, constant_values=-1)
-    low, high = 1.0 / around.far, 1.0 / around.near
+    low, high = 1.0 / selection.far, 1.0 / selection.near
     ranges = np.array([low, high, pixel_step(reference.camera, views, (low + high) / 2)])
     config = job.config
     softness = np.float32(1.0 / (32.0 * config.sigma**2))
@@ -72,7 +72,7 @@ def match(
     for k in range(order.sweeps):
         for colour in (0, 1):
             sweep(
-                colour, order.turn + k, seed, order.reach * 0.6**k, config.keep, softness, consistency, ranges,
+                colour, order.sweep_number + k, seed, order.reach * 0.6**k, config.keep, softness, consistency, ranges,
                 reference.lens, window, padded, reference.valid, views, words, others, state,
             )  # fmt: skip
 
@@ -81,9 +81,9 @@ def relation(reference: Camera, other: Camera) -> Array:
     """How pixels of `reference` and `other` belong together, (32,) float64: see `core.patchmatch_views`."""
     row = np.zeros(ROW)
     for first, (here, there) in ((0, (reference, other)), (16, (other, reference))):
-        turn = there.R @ here.R.T
-        row[first : first + 9] = (there.K @ turn @ np.linalg.inv(here.K)).ravel()
-        row[first + 9 : first + 12] = there.K @ (there.t - turn @ here.t)
+        rotation = there.R @ here.R.T
+        row[first : first + 9] = (there.K @ rotation @ np.linalg.inv(here.K)).ravel()
+        row[first + 9 : first + 12] = there.K @ (there.t - rotation @ here.t)
     row[12:15] = other.width, other.height, other.width
     return row
 
@@ -119,9 +119,9 @@ def _continued(state: Array, reference: Picture) -> Array:
     return state if state.shape[1:] == reference.valid.shape else enlarged(state, reference.valid)
 
 
-def _inverse_depths(job: Job, order: Pass, around: Neighbourhood, pictures: Sequence[Picture]) -> Array:
+def _inverse_depths(job: Job, order: Pass, selection: ViewSelection, pictures: Sequence[Picture]) -> Array:
     found = []
-    for other, picture in zip(around.others, pictures, strict=True):
+    for other, picture in zip(selection.others, pictures, strict=True):
         planes = job.planes(order.number - 1, other)
         if planes.shape[1:] != picture.valid.shape:
             planes = enlarged(np.concatenate([planes, planes[:1]]), picture.valid)

@@ -66,17 +66,19 @@ def rectified(
     """
     apart = view.R @ (partner.center - view.center)
     baseline = float(np.linalg.norm(apart))
-    turn = None if not baseline > 0 else _turn(apart / baseline, view.R @ partner.R[2])
-    if turn is None:
+    rotation = None if not baseline > 0 else _rotation(apart / baseline, view.R @ partner.R[2])
+    if rotation is None:
         return None
     x, y = np.meshgrid(np.linspace(box[0], box[2], 5), np.linspace(box[1], box[3], 5))
     rays = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1) @ np.linalg.inv(view.K).T
-    turned = rays @ turn.T
+    turned = rays @ rotation.T
     if (turned[:, 2] <= np.abs(turned[:, :2]).max(axis=1) / WIDEST).any():
         return None
     flat = turned[:, :2] / turned[:, 2:]
     inverse = np.concatenate([1 / (turned[:, 2] * depth) for depth in (near, far)])
-    focal = min(_same_area(view, turn, turned[len(turned) // 2]), MOST / (baseline * float(np.ptp(inverse)) + 1e-12))
+    focal = min(
+        _same_area(view, rotation, turned[len(turned) // 2]), MOST / (baseline * float(np.ptp(inverse)) + 1e-12)
+    )
     low, high, disparity = flat.min(axis=0) * focal, flat.max(axis=0) * focal, focal * baseline * inverse
     least = float(np.floor(disparity.min())) - 1
     count = MULTIPLE * int(np.ceil((disparity.max() + 2 - least) / MULTIPLE))
@@ -85,12 +87,12 @@ def rectified(
     if (width - count) * height > LARGEST * wanted + 4 * (width + height):
         return None
     center = np.array([count - low[0], -low[1]])
-    first = _camera(view, turn, focal, center, width, height)
-    second = _camera(partner, turn @ view.R @ partner.R.T, focal, center + np.array([least, 0]), width, height)
+    first = _camera(view, rotation, focal, center, width, height)
+    second = _camera(partner, rotation @ view.R @ partner.R.T, focal, center + np.array([least, 0]), width, height)
     return Rectified(first, second, _between(first, view), _between(second, partner), count, baseline)
 
 
-def _turn(along: Array, other_axis: Array) -> Array | None:
+def _rotation(along: Array, other_axis: Array) -> Array | None:
     """Rotation from the view's frame: x along the baseline, z as near as can be to both axes; None where they cross."""
     middle = np.array([0.0, 0.0, 1.0]) + other_axis
     z = middle - (middle @ along) * along
@@ -100,17 +102,17 @@ def _turn(along: Array, other_axis: Array) -> Array | None:
     return np.stack([along, np.cross(z / length, along), z / length])
 
 
-def _same_area(view: Camera, turn: Array, middle: Array) -> float:
+def _same_area(view: Camera, rotation: Array, middle: Array) -> float:
     """Focal length with which a pixel at the direction `middle` (turned frame) is as large as in the view."""
-    local = turn.T @ middle
+    local = rotation.T @ middle
     there = (np.linalg.norm(middle) / middle[2]) ** 3
     here = (np.linalg.norm(local) / local[2]) ** 3
     return float(np.sqrt(view.K[0, 0] * view.K[1, 1] * here / there))
 
 
-def _camera(source: Camera, turn: Array, focal: float, center: Array, width: int, height: int) -> Camera:
+def _camera(source: Camera, rotation: Array, focal: float, center: Array, width: int, height: int) -> Camera:
     K = np.array([[focal, 0, center[0]], [0, focal, center[1]], [0, 0, 1.0]])
-    R = turn @ source.R
+    R = rotation @ source.R
     return Camera(K, np.column_stack([R, -R @ source.center]), width, height)
 
 

@@ -22,7 +22,7 @@ class Pass:
     consistent : bool
         The neighbours' depth of the round before counts too.
     sweeps : int
-    turn : int
+    sweep_number : int
         Number of sweeps before; the view selection grows stricter with it.
     reach : float
         How far planes are changed in the first sweep, pixels of motion.
@@ -32,7 +32,7 @@ class Pass:
     shrink: int
     consistent: bool
     sweeps: int
-    turn: int
+    sweep_number: int
     reach: float
 
 

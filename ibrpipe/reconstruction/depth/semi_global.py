@@ -11,15 +11,15 @@ from ibrpipe.reconstruction.depth.image_pyramid import Picture
 from ibrpipe.reconstruction.depth.job import Job, store
 from ibrpipe.reconstruction.depth.patchmatch import pixel_step, relation
 from ibrpipe.reconstruction.depth.rectify import Rectified, rectified
-from ibrpipe.reconstruction.depth.view_selection import Neighbourhood
+from ibrpipe.reconstruction.depth.view_selection import ViewSelection
 from ibrpipe.types import Array
 
 #: side of the matched blocks, and the costs of a small and a large step of disparity, per pixel of a block
 BLOCK, SMALL, LARGE = 3, 8, 32
 #: slopes of grey are cut off here before they are compared
 CLIP = 63
-#: by how many percent the best disparity must beat all others, and how far both ways may differ
-UNIQUE, BOTH_WAYS = 5, 1
+#: by how many percent the best disparity must beat all others, and how far left to right and right to left may differ
+UNIQUE, LEFT_RIGHT = 5, 1
 #: fixed point of OpenCV's disparities
 PARTS = 16
 #: pixels of motion by which two neighbours' depths may differ to be one
@@ -36,35 +36,35 @@ def run_pairs(job: Job, which: int) -> float:
     if target.is_file():
         return 0.0
     start = time.perf_counter()
-    around, reference = job.around[which], job.picture(which, 1)
+    selection, reference = job.selections[which], job.picture(which, 1)
     found: list[tuple[Array, float]] = []
-    for other in around.others:
+    for other in selection.others:
         if len(found) < job.config.pairs:
-            depth = pair_depth(reference, job.picture(other, 1), around)
+            depth = pair_depth(reference, job.picture(other, 1), selection)
             found += [] if depth is None else [depth]
     state = np.zeros((4, *reference.valid.shape), np.float32)
     if found:
-        views = np.stack([relation(reference.camera, job.picture(n, 1).camera) for n in around.others[:3]])
-        step = pixel_step(reference.camera, views, float(0.5 / around.near + 0.5 / around.far))
+        views = np.stack([relation(reference.camera, job.picture(n, 1).camera) for n in selection.others[:3]])
+        step = pixel_step(reference.camera, views, float(0.5 / selection.near + 0.5 / selection.far))
         inverse, state[3] = merged(np.stack([q for q, _ in found]), np.array([w for _, w in found]), SAME * step)
         fit_planes(inverse, RADIUS, SLOPE * step, state[:3])
-        np.clip(state[0], 0, 1 / around.near, out=state[0])
+        np.clip(state[0], 0, 1 / selection.near, out=state[0])
     store(target, state)
     return time.perf_counter() - start
 
 
-def pair_depth(view: Picture, partner: Picture, around: Neighbourhood) -> tuple[Array, float] | None:
+def pair_depth(view: Picture, partner: Picture, selection: ViewSelection) -> tuple[Array, float] | None:
     """Inverse depth (H, W) float32 of a view by one neighbour, 0 = unknown, and its weight; None: no such pair."""
     box = _box(view.valid)
-    pair = None if box is None else rectified(view.camera, partner.camera, box, around.near, around.far)
+    pair = None if box is None else rectified(view.camera, partner.camera, box, selection.near, selection.far)
     if pair is None:
         return None
     disparity = matched(view, partner, pair)
-    return _carried(disparity, view, pair), (pair.first.K[0, 0] * pair.baseline) ** 2
+    return _unrectified(disparity, view, pair), (pair.first.K[0, 0] * pair.baseline) ** 2
 
 
 def matched(view: Picture, partner: Picture, pair: Rectified) -> Array:
-    """Disparity of the turned view, (h, w) float32, NaN = unknown; what the partner's mask does not hold is unknown."""
+    """Disparity of the rectified view, (h, w) float32; NaN = unknown, as is what the partner's mask does not hold."""
     import cv2
 
     first, second = _turned(view.grey, pair, pair.pixels), _turned(partner.grey, pair, pair.partner_pixels)
@@ -74,7 +74,7 @@ def matched(view: Picture, partner: Picture, pair: Rectified) -> Array:
         blockSize=BLOCK,
         P1=SMALL * BLOCK * BLOCK,
         P2=LARGE * BLOCK * BLOCK,
-        disp12MaxDiff=BOTH_WAYS,
+        disp12MaxDiff=LEFT_RIGHT,
         preFilterCap=CLIP,
         uniquenessRatio=UNIQUE,
         mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
@@ -140,7 +140,7 @@ def _warped(picture: Array, pixels: Array, size: tuple[int, int], smooth: bool, 
     return cv2.warpPerspective(picture, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=outside)
 
 
-def _carried(disparity: Array, view: Picture, pair: Rectified) -> Array:
+def _unrectified(disparity: Array, view: Picture, pair: Rectified) -> Array:
     """Inverse depth (H, W) float32 at the view's own pixels, 0 = unknown."""
     height, width = view.valid.shape
     back, size, none = np.linalg.inv(pair.pixels), (width, height), float("nan")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import AliasChoices, Field
 
 from ibrpipe.config import StageConfig
 
@@ -38,8 +38,9 @@ class DepthConfig(StageConfig):
     )
     max_shift: float = Field(1.0, gt=0, le=8, description="Pixels by which agreeing depth may miss")
     max_depth_change: float = Field(0.01, gt=0, le=0.5, description="Relative difference that agreeing depth may have")
-    max_turn: float = Field(
+    max_normal_angle: float = Field(
         50.0,
+        validation_alias=AliasChoices("max_normal_angle", "max_turn"),
         gt=0,
         le=180,
         description="Degrees by which agreeing normals may differ; of a mere pair of photos they are not compared",

@@ -30,7 +30,7 @@ WIDEST = 60.0
 
 
 @dataclass(frozen=True)
-class Neighbourhood:
+class ViewSelection:
     """What a view is matched with.
 
     Attributes
@@ -46,7 +46,7 @@ class Neighbourhood:
     far: float
 
 
-def neighbourhoods(views: Sequence[View], points: SparsePoints | None, count: int) -> tuple[Neighbourhood, ...]:
+def select_views(views: Sequence[View], points: SparsePoints | None, count: int) -> tuple[ViewSelection, ...]:
     """Choose up to `count` neighbours and the depth range of every view.
 
     Raises
@@ -74,11 +74,11 @@ def worth(angle: Array) -> Array:
     return np.exp(-(away**2) / (2 * np.where(away < 0, BELOW, ABOVE) ** 2))
 
 
-def _chosen(view: View, score: Array, bounds: tuple[float, float] | None, count: int) -> Neighbourhood:
+def _chosen(view: View, score: Array, bounds: tuple[float, float] | None, count: int) -> ViewSelection:
     order = [int(j) for j in np.argsort(-score, kind="stable")[:count] if score[j] > 0]
     if not order or bounds is None:
         raise CaptureError(f"photo {view.name} sees nothing that another photo sees; leave it out or add photos")
-    return Neighbourhood(tuple(order), *bounds)
+    return ViewSelection(tuple(order), *bounds)
 
 
 def _from_points(views: Sequence[View], points: SparsePoints) -> tuple[Array, list[tuple[float, float] | None]]:

@@ -11,7 +11,7 @@ from ibrpipe.io.views import View
 from ibrpipe.reconstruction import depth as dense
 from ibrpipe.reconstruction.depth.consistency import small_pieces
 from ibrpipe.reconstruction.depth.schedule import enlarged, passes
-from ibrpipe.reconstruction.depth.view_selection import neighbourhoods
+from ibrpipe.reconstruction.depth.view_selection import select_views
 from ibrpipe.types import Camera
 
 CONFIG = dense.DepthConfig(coarsest=64, iterations=4, neighbours=4)
@@ -75,11 +75,11 @@ def test_a_stopped_run_goes_on_and_gives_the_same_bytes(views, tmp_path, monkeyp
 
 
 def test_neighbours_and_range_without_points(views):
-    for view, around in zip(views, neighbourhoods(views, None, 4), strict=True):
+    for view, selection in zip(views, select_views(views, None, 4), strict=True):
         depth = true_depth(view.camera)
-        assert around.near < depth.min()
-        assert around.far > np.median(depth)
-        assert len(around.others) >= 2
+        assert selection.near < depth.min()
+        assert selection.far > np.median(depth)
+        assert len(selection.others) >= 2
 
 
 def ball_views(folder, count, masked=True):
@@ -97,19 +97,19 @@ def ball_views(folder, count, masked=True):
 
 @pytest.mark.parametrize("count", [12, 14, 36])
 def test_masks_bound_the_depth_of_photos_from_around(tmp_path, count):
-    for around in neighbourhoods(tuple(ball_views(tmp_path, count)), None, 6):
-        assert 2.4 < around.near < 3.0
-        assert 3.75 < around.far < 5.5  # the ball's outline lies at 3.75
+    for selection in select_views(tuple(ball_views(tmp_path, count)), None, 6):
+        assert 2.4 < selection.near < 3.0
+        assert 3.75 < selection.far < 5.5  # the ball's outline lies at 3.75
 
 
 def test_photos_without_masks_bound_depth_by_their_overlap(tmp_path):
-    for around in neighbourhoods(tuple(ball_views(tmp_path, 14, masked=False)), None, 6):
-        assert 0.5 < around.near < 3.0
-        assert around.far > 3.75
+    for selection in select_views(tuple(ball_views(tmp_path, 14, masked=False)), None, 6):
+        assert 0.5 < selection.near < 3.0
+        assert selection.far > 3.75
 
 
 def test_neighbours_with_points_have_good_angles(views):
-    found = neighbourhoods(views, sparse(views), 2)
+    found = select_views(views, sparse(views), 2)
     assert set(found[1].others) < {0, 2, 3, 4}
     depth = true_depth(views[1].camera)
     assert found[1].near < depth.min() < np.percentile(depth, 90) < found[1].far
@@ -117,7 +117,7 @@ def test_neighbours_with_points_have_good_angles(views):
 
 def test_one_photo_is_too_few(views):
     with pytest.raises(CaptureError, match="at least 2 photos, got 1"):
-        neighbourhoods(views[:1], None, 4)
+        select_views(views[:1], None, 4)
 
 
 def test_enlarged_planes_are_continued(views):

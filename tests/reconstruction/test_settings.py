@@ -1,4 +1,4 @@
-"""Settings of the surface: names of earlier versions are still read, others are not."""
+"""Settings of depth and surface: names of earlier versions are still read, others are not."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ def load(folder: Path, text: str, *changes: str) -> GeometryConfig:
 @pytest.mark.parametrize(
     ("old", "new", "written", "value"),
     [
+        ("depth.max_turn", "depth.max_normal_angle", "30.0", 30.0),
         ("surface.fill", "surface.hull_completion", "never", "never"),
         ("surface.fit_rims", "surface.silhouette_fit", "false", False),
     ],
