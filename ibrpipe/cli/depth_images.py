@@ -53,17 +53,17 @@ def command(
         return
     whole = read_mesh(source)
     if frusta is None and arrange == "greedy":
-        placed, share = placing.greedy_frusta(whole, maps, seed)
+        chosen, share = placing.greedy_frusta(whole, maps, seed)
     else:
-        placed = placing.frusta_from_entries(_read(frusta)) if frusta else placing.cube_frusta(whole)
-        share = placing.covered_share(whole, placed, seed)
-    write_asset(depth_images_asset(whole, placed, size, str(source)), out)
-    placing.write_frusta(placed, out / "frusta.yaml")
+        chosen = placing.frusta_from_entries(_read(frusta)) if frusta else placing.cube_frusta(whole)
+        share = placing.covered_share(whole, chosen, seed)
+    write_asset(depth_images_asset(whole, chosen, size, str(source)), out)
+    placing.write_frusta(chosen, out / "frusta.yaml")
     if as_json:
-        click.echo(json.dumps({"maps": len(placed), "size": size, "covered": share}))
+        click.echo(json.dumps({"maps": len(chosen), "size": size, "covered": share}))
     else:
         covered = f"{100 * share:.1f} % of the surface that can be seen"
-        click.echo(f"{out}: {len(placed)} depth images of {size} x {size}, {covered}")
+        click.echo(f"{out}: {len(chosen)} depth images of {size} x {size}, {covered}")
 
 
 command.params.append(json_option)

@@ -137,13 +137,13 @@ def range_data(capture: Path, planes: Path, out: Path) -> None:
     from ibrpipe.modelling.relief_textures import reliefs_from_range
     from ibrpipe.types import DepthImage
 
-    placed = _planes(planes)
+    frames = _planes(planes)
     whole = read_capture(capture)
     views = [view for view in (*whole.train, *whole.test) if view.depth is not None]
     if not views:
         raise MissingFileError(f"{capture}: no view has a depth map; put them into depth/ beside images/")
     scans = [DepthImage(view.camera, load_view(view)[0], load_depth(view)) for view in views]
-    _write(reliefs_from_range(scans, placed), [f"plane_{i:02d}" for i in range(len(placed))], capture, out)
+    _write(reliefs_from_range(scans, frames), [f"plane_{i:02d}" for i in range(len(frames))], capture, out)
 
 
 def _planes(path: Path) -> list[Any]:

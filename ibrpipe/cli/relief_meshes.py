@@ -76,7 +76,9 @@ _VECTOR = (float, float, float)
     "--linear-steps", type=click.IntRange(1, 4096), default=32, show_default=True, help="Steps at grazing views."
 )
 @click.option("--least-steps", type=click.IntRange(1, 4096), default=10, show_default=True, help="Steps seen straight.")
-@click.option("--binary-steps", type=click.IntRange(0, 64), default=8, show_default=True, help="Halvings after them.")
+@click.option(
+    "--binary-steps", type=click.IntRange(0, 64), default=8, show_default=True, help="Bisection steps after them."
+)
 @click.option(
     "--anisotropy", type=click.IntRange(0, 64), default=8, show_default=True,
     help="Probes of a pixel's footprint; 0: no mip maps.",
@@ -110,11 +112,11 @@ def mesh_map(mesh: Path, moved: Path | None, path: str, repeats: int, out: Path,
     look = {name: given.pop(name) for name in ("mapping", "model", "search", "shadows", "anisotropy")}
     look |= {name: given.pop(name) for name in ("linear_steps", "least_steps", "binary_steps")}
     sources = read_relief_meshes(mesh, **given)
-    places = read_moved(moved) if moved else []
+    moves = read_moved(moved) if moved else []
     vertices = np.concatenate([source.mesh.vertices for source in sources])
     bounds = vertices.min(axis=0), vertices.max(axis=0)
     cameras = orbit(parse_orbit(path), bounds) if is_orbit(path) else read_path(Path(path))
-    entries = render_path(sources, cameras, out, {"light": light, **look}, repeats, places)
+    entries = render_path(sources, cameras, out, {"light": light, **look}, repeats, moves)
     if as_json:
         click.echo(json.dumps([{key: each[key] for key in ("view", "ms", "width", "height")} for each in entries]))
         return

@@ -20,7 +20,7 @@ AGREES = 0.01
 
 
 def samples_of(camera: Camera, depth: Array) -> Array:
-    """Return world points (N, 3) at even places of a depth map (H, W), 0 = unknown."""
+    """Return world points (N, 3) at even pixels of a depth map (H, W), 0 = unknown."""
     step = max(1, int((depth.size / SAMPLES) ** 0.5))
     row, column = np.nonzero(depth[step // 2 :: step, step // 2 :: step] > 0)
     row, column = row * step + step // 2, column * step + step // 2
@@ -32,12 +32,12 @@ def seen_in(camera: Camera, depth: Array, points: Array) -> tuple[Array, Array]:
     """Return which points (N, 3) a depth map (H, W) shows (M,), and where (M, 2), pixels."""
     x, y, z = camera.K @ (camera.R @ points.T + camera.t.reshape(3, 1))
     ahead = z > 0
-    place = np.stack([x, y], axis=1) / np.where(ahead, z, 1.0)[:, None]
-    inside = ahead & (place >= 0).all(axis=1) & (place < (depth.shape[1], depth.shape[0])).all(axis=1)
+    pixel = np.stack([x, y], axis=1) / np.where(ahead, z, 1.0)[:, None]
+    inside = ahead & (pixel >= 0).all(axis=1) & (pixel < (depth.shape[1], depth.shape[0])).all(axis=1)
     index = np.flatnonzero(inside)
-    found = depth[place[index, 1].astype(int), place[index, 0].astype(int)]
+    found = depth[pixel[index, 1].astype(int), pixel[index, 0].astype(int)]
     index = index[np.abs(found - z[index]) <= AGREES * z[index]]
-    return index, place[index]
+    return index, pixel[index]
 
 
 def tied_model(names: Sequence[str], cameras: Sequence[Camera], read: Callable[[int], Array]) -> SparseModel:
@@ -54,8 +54,8 @@ def tied_model(names: Sequence[str], cameras: Sequence[Camera], read: Callable[[
     points = np.concatenate([samples_of(camera, read(number)) for number, camera in enumerate(cameras)])
     images = []
     for number, (name, camera) in enumerate(zip(names, cameras, strict=True)):
-        index, place = seen_in(camera, read(number), points)
-        images.append(ModelImage(name, number, np.asarray(camera.cam_from_world), place, index))
+        index, pixel = seen_in(camera, read(number), points)
+        images.append(ModelImage(name, number, np.asarray(camera.cam_from_world), pixel, index))
     lenses = tuple(Lens("PINHOLE", (c.K[0, 0], c.K[1, 1], c.K[0, 2], c.K[1, 2]), c.width, c.height) for c in cameras)
     grey = np.full((len(points), 3), 128, np.uint8)
     return SparseModel(lenses, tuple(images), points, grey, np.zeros(len(points))).only(names)

@@ -104,12 +104,12 @@ def write_frame(frame: Frame, stem: Path) -> dict[str, str]:
         channels["A"] = frame.alpha
     if frame.depth is not None:
         channels["Z"] = frame.depth
-    folder, place = stem.parent, stem.parent.name
+    folder, parent = stem.parent, stem.parent.name
     exr, png = f"{stem.name}.exr", f"{stem.name}.png"
     write_exr(folder / f".{exr}", channels)
     (folder / f".{exr}").replace(folder / exr)
     if frame.color is None:
-        return {"file": f"{place}/{exr}"}
+        return {"file": f"{parent}/{exr}"}
     write_png(folder / f".{png}", frame.color, frame.alpha)
     (folder / f".{png}").replace(folder / png)
-    return {"file": f"{place}/{exr}", "png": f"{place}/{png}"}
+    return {"file": f"{parent}/{exr}", "png": f"{parent}/{png}"}

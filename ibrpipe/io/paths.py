@@ -116,9 +116,9 @@ def orbit(spec: OrbitSpec, bounds: tuple[Array, Array], photos: Sequence[Camera]
     front = _front(middle, up, photos)
     side = np.cross(up, front)
     steps = spec.frames if abs(spec.sweep) >= 360.0 else max(spec.frames - 1, 1)
-    turns = np.radians(spec.azimuth + spec.sweep / steps * np.arange(spec.frames))
+    azimuths = np.radians(spec.azimuth + spec.sweep / steps * np.arange(spec.frames))
     rise = math.radians(spec.elevation)
-    around = np.cos(turns)[:, None] * front + np.sin(turns)[:, None] * side
+    around = np.cos(azimuths)[:, None] * front + np.sin(azimuths)[:, None] * side
     size = (spec.width or (photos[0].width if photos else 640), spec.height or (photos[0].height if photos else 480))
 
     def look(distance: float) -> list[Camera]:

@@ -54,10 +54,10 @@ def sharpen(
     current, psnr = list(layers), list[float]()
     if rounds == 0 or not any(wanted):
         return current, psnr
-    for turn in range(rounds + 1):
+    for number in range(rounds + 1):
         errors, found = _errors(DiffuseSource(rectangles, current), caster, photos)
         psnr.append(found)
-        if turn < rounds:
+        if number < rounds:
             lifted = replace(photos, code=errors + np.float32(LIFT))
             for which in (index for index, want in enumerate(wanted) if want):
                 current[which] = _corrected(current[which], rectangles[which], lifted, statistic)

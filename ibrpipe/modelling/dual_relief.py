@@ -56,8 +56,8 @@ def dual_relief_from_mesh(mesh: Mesh, side: str = "+z", texels: int = 512) -> Re
     top = 0.5 * (d0 + d1) + 0.5 * thickness
     y, x = np.mgrid[:rows, :columns] + 0.5
     starts = (u0 + x[..., None] * texel) * right + (v0 + y[..., None] * texel) * down + (top + texel) * toward
-    ways = np.broadcast_to(-toward, starts.shape).reshape(-1, 3)
-    ray, hits = MeshCaster(mesh).cast_all(starts.reshape(-1, 3), ways)
+    directions = np.broadcast_to(-toward, starts.shape).reshape(-1, 3)
+    ray, hits = MeshCaster(mesh).cast_all(starts.reshape(-1, 3), directions)
     height, back = np.zeros(rows * columns, np.float32), np.ones(rows * columns, np.float32)
     if len(ray):
         first = np.r_[True, ray[1:] != ray[:-1]]
@@ -67,10 +67,10 @@ def dual_relief_from_mesh(mesh: Mesh, side: str = "+z", texels: int = 512) -> Re
         normal = _front_normals(mesh, ray[first], hits, first, (right, down, toward), rows * columns)
     corner = u0 * right + v0 * down + top * toward
     across, along = columns * texel * right, rows * texel * down
-    places = np.stack([corner + along, corner + along + across, corner + across, corner])
+    corners = np.stack([corner + along, corner + along + across, corner + across, corner])
     uv = np.array([[[0, 1], [1, 1], [1, 0]], [[0, 1], [1, 0], [0, 0]]], np.float64)
     return ReliefMesh(
-        Mesh(places, np.array([[0, 1, 2], [0, 2, 3]])),
+        Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])),
         uv,
         height.reshape(rows, columns),
         thickness,

@@ -66,9 +66,9 @@ def frusta_from_entries(entries: Any) -> tuple[Frustum, ...]:
         made = TypeAdapter(tuple[Frustum, ...]).validate_python(entries)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "all of it"
+        where = ".".join(str(part) for part in first["loc"]) or "all of it"
         raise ConfigError(
-            f"this is no list of frusta ({place}: {first['msg']}); each has eye, target, up (3 numbers each) and fov"
+            f"this is no list of frusta ({where}: {first['msg']}); each has eye, target, up (3 numbers each) and fov"
         ) from error
     if not made:
         raise ConfigError("this list of frusta is empty; each has eye, target, up (3 numbers each) and fov")
@@ -100,8 +100,8 @@ def cube_frusta(mesh: Mesh, distance: float = 2.5) -> tuple[Frustum, ...]:
         From the middle of the mesh, in radii of its bounding sphere; above 1.
     """
     middle, radius = _sphere(mesh)
-    ways = np.concatenate([np.eye(3), -np.eye(3)])
-    return tuple(_outside(middle, radius, way, distance) for way in ways)
+    directions = np.concatenate([np.eye(3), -np.eye(3)])
+    return tuple(_outside(middle, radius, direction, distance) for direction in directions)
 
 
 def greedy_frusta(mesh: Mesh, count: int, seed: int = 0) -> tuple[tuple[Frustum, ...], float]:
@@ -164,10 +164,10 @@ def _sphere(mesh: Mesh) -> tuple[Array, float]:
     return middle, radius
 
 
-def _outside(middle: Array, radius: float, way: Array, distance: float) -> Frustum:
-    up = (0.0, 0.0, 1.0) if abs(way[2]) < 0.9 else (0.0, 1.0, 0.0)
+def _outside(middle: Array, radius: float, direction: Array, distance: float) -> Frustum:
+    up = (0.0, 0.0, 1.0) if abs(direction[2]) < 0.9 else (0.0, 1.0, 0.0)
     fov = 2.02 * np.degrees(np.arcsin(1.0 / distance))
-    return Frustum(eye=_vector(middle + distance * radius * way), target=_vector(middle), up=up, fov=float(fov))
+    return Frustum(eye=_vector(middle + distance * radius * direction), target=_vector(middle), up=up, fov=float(fov))
 
 
 def _surface_points(mesh: Mesh, caster: MeshCaster, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -183,11 +183,11 @@ def _surface_points(mesh: Mesh, caster: MeshCaster, rng: np.random.Generator) ->
 
 def _candidates(mesh: Mesh, points: Array, normals: Array, rng: np.random.Generator) -> list[Frustum]:
     middle, radius = _sphere(mesh)
-    turn = np.arange(FAR) + 0.5
-    z, yaw = 1.0 - 2.0 * turn / FAR, turn * np.pi * (3.0 - np.sqrt(5.0))
+    number = np.arange(FAR) + 0.5
+    z, yaw = 1.0 - 2.0 * number / FAR, number * np.pi * (3.0 - np.sqrt(5.0))
     ring = np.sqrt(1.0 - z * z)
-    ways = np.concatenate([np.eye(3), -np.eye(3), np.stack([ring * np.cos(yaw), ring * np.sin(yaw), z], axis=1)])
-    found = [_outside(middle, radius, way, 2.5) for way in ways]
+    directions = np.concatenate([np.eye(3), -np.eye(3), np.stack([ring * np.cos(yaw), ring * np.sin(yaw), z], axis=1)])
+    found = [_outside(middle, radius, direction, 2.5) for direction in directions]
     for k in rng.choice(len(points), NEAR, replace=False):
         up = (0.0, 0.0, 1.0) if abs(normals[k, 2]) < 0.9 else (0.0, 1.0, 0.0)
         eye = _vector(points[k] + 0.6 * radius * normals[k])
@@ -201,11 +201,11 @@ def _covered(caster: MeshCaster, frustum: Frustum, points: Array, normals: Array
     local = points @ camera.R.T + camera.t
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y = (local[:, :2] / local[:, 2:] @ camera.K[:2, :2].T + camera.K[:2, 2]).T
-    ways = points - camera.center
-    length = np.linalg.norm(ways, axis=1)
+    directions = points - camera.center
+    length = np.linalg.norm(directions, axis=1)
     inside = (local[:, 2] > 0) & (x > 0) & (x < 2) & (y > 0) & (y < 2)
-    inside &= -(ways * normals).sum(axis=1) > FACING * length
+    inside &= -(directions * normals).sum(axis=1) > FACING * length
     seen = np.zeros(len(points), bool)
     if inside.any():
-        seen[inside] = caster.cast(camera.center, ways[inside]).t > 1.0 - 1e-3
+        seen[inside] = caster.cast(camera.center, directions[inside]).t > 1.0 - 1e-3
     return seen

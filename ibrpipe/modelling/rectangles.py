@@ -109,7 +109,7 @@ class Rectangle:
         return np.broadcast_to(self.center, points.shape), away / (away @ self.f)[:, None]
 
     def facing(self, points: Array, normals: Array) -> Array:
-        """(N,) float64 cosine between normals and the way back to the rectangle; -1 outside its volume."""
+        """(N,) float64 cosine between normals and the direction back to the rectangle; -1 outside its volume."""
         local = points - self.origin
         depth = local @ self.f
         if self.center is None:
@@ -152,7 +152,7 @@ def distinct(ray: Array, depth: Array, texel: float) -> Array:
 
     Parameters
     ----------
-    ray, depth : (N,) by ray, then depth ascending; all hits face the same way
+    ray, depth : (N,) by ray, then depth ascending; all hits face the same side
     texel : hits less than a thousandth of it apart are one
     """
     again = (ray[1:] == ray[:-1]) & (np.diff(depth) < 1e-3 * texel)

@@ -251,8 +251,8 @@ def asset_from_reliefs(reliefs: Sequence[ReliefTexture], names: Sequence[str], m
 def layers_from_relief(relief: ReliefTexture) -> LayeredDepthImage:
     """Return the layered form of a relief texture: one sample per opaque texel, seen from where its f points."""
     frame = relief.frame
-    turned = ParallelFrame(frame.origin, frame.a, frame.b, -frame.f)
-    return single_layer(turned, -relief.height, relief.color, _normals(relief), observed=True)
+    flipped = ParallelFrame(frame.origin, frame.a, frame.b, -frame.f)
+    return single_layer(flipped, -relief.height, relief.color, _normals(relief), observed=True)
 
 
 def _normals(relief: ReliefTexture) -> Array:

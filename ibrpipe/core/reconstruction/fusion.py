@@ -15,7 +15,7 @@ from numba import prange
 
 from ibrpipe.core.jit import helper, kernel
 
-#: places in the settings array
+#: indices in the settings array
 PIXELS, RELATIVE, COSINE, LEAST = 0, 1, 2, 3
 
 
@@ -40,7 +40,7 @@ def pixel_of(x, y, starts, sizes, m):
 
 @helper
 def ray_of(rays, m, x, y):
-    """Return the world direction, of camera depth 1, of pixel place (x, y) in map m."""
+    """Return the world direction, of camera depth 1, of point (x, y) of the picture in map m."""
     return (
         rays[m, 0, 0] * x + rays[m, 0, 1] * y + rays[m, 0, 2],
         rays[m, 1, 0] * x + rays[m, 1, 1] * y + rays[m, 1, 2],

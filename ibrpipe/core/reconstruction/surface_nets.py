@@ -15,7 +15,7 @@ SIDE = 8
 
 @helper
 def entry(grid, i, j, k):
-    """Return block and place of voxel (i, j, k), block -1 where there is none."""
+    """Return block and number in it of voxel (i, j, k), block -1 where there is none."""
     a, b, c = i // SIDE, j // SIDE, k // SIDE
     if i < 0 or j < 0 or k < 0 or a >= grid.shape[0] or b >= grid.shape[1] or c >= grid.shape[2]:
         return -1, 0
@@ -25,8 +25,8 @@ def entry(grid, i, j, k):
 @helper
 def value_at(grid, value, i, j, k):
     """Return the distance at voxel (i, j, k), NaN where unknown."""
-    block, place = entry(grid, i, j, k)
-    return np.float32(np.nan) if block < 0 else value[block, place]
+    block, number = entry(grid, i, j, k)
+    return np.float32(np.nan) if block < 0 else value[block, number]
 
 
 @kernel
@@ -47,9 +47,9 @@ def mark_cells(corners, grid, value, out_marked):
 
 
 @kernel
-def place_vertices(corners, grid, value, vertex, out_place):
+def place_vertices(corners, grid, value, vertex, out_position):
     """Put every marked cell's vertex at the mean of its edges' crossings."""
-    # vertex (B, 512) i32, number of the cell's vertex or -1; out_place (V, 3) f64, in voxels
+    # vertex (B, 512) i32, number of the cell's vertex or -1; out_position (V, 3) f64, in voxels
     for b in prange(corners.shape[0]):
         for v in range(SIDE * SIDE * SIDE):
             number = vertex[b, v]
@@ -72,16 +72,16 @@ def place_vertices(corners, grid, value, vertex, out_place):
                     y += cj + t * (axis == 1)
                     z += ck + t * (axis == 2)
                     crossings += 1
-            out_place[number, 0] = i + x / crossings
-            out_place[number, 1] = j + y / crossings
-            out_place[number, 2] = k + z / crossings
+            out_position[number, 0] = i + x / crossings
+            out_position[number, 1] = j + y / crossings
+            out_position[number, 2] = k + z / crossings
 
 
 @helper
 def cell_vertex(grid, vertex, i, j, k):
     """Return the number of the vertex of cell (i, j, k), -1 = none."""
-    block, place = entry(grid, i, j, k)
-    return -1 if block < 0 else vertex[block, place]
+    block, number = entry(grid, i, j, k)
+    return -1 if block < 0 else vertex[block, number]
 
 
 @serial

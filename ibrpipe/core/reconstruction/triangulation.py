@@ -1,4 +1,4 @@
-"""Points from the places where cameras see them. Source: hartley2004, section 12.2 (linear triangulation)."""
+"""Points from the pixels where cameras see them. Source: hartley2004, section 12.2 (linear triangulation)."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ SIDE = 8
 
 @helper
 def outline_at(distance, starts, sizes, m, x, y):
-    """Return the bilinear distance to the outline at place (x, y) of map m, inside the picture."""
+    """Return the bilinear distance to the outline at point (x, y) of map m, inside the picture."""
     j0 = min(max(int(x - 0.5), 0), max(sizes[m, 1] - 2, 0))
     i0 = min(max(int(y - 0.5), 0), max(sizes[m, 0] - 2, 0))
     j1, i1 = min(j0 + 1, sizes[m, 1] - 1), min(i0 + 1, sizes[m, 0] - 1)
@@ -52,11 +52,11 @@ def note_bound(out_bound, n, outside):
 
 @kernel
 def integrate(
-    corners, place, depth, normal, weight, outline, starts, sizes, projection, rays, centers, limits, out_sum,
+    corners, lattice, depth, normal, weight, outline, starts, sizes, projection, rays, centers, limits, out_sum,
     out_free, out_bound,
 ):  # fmt: skip
     """Add the distances that a few packed maps see, and bound the voxels by their outlines."""
-    # corners (B, 3) i32; place (4,) f64: origin and step
+    # corners (B, 3) i32; lattice (4,) f64: origin and step of the voxels
     # depth (T,) f32, 0 = unknown; normal (T, 3) f32 world; weight (T,) f32
     # outline (T,) f32: pixels to the outline, positive outside, NaN = cannot say; (0,) without masks
     # limits (1 + M,) f64: truncation in scene units, focal lengths in pixels
@@ -65,16 +65,17 @@ def integrate(
     # out_bound (B * 512, 2) f32: the two greatest distances outside an outline, scene units; (0, 2) without masks
     for b in prange(corners.shape[0]):
         for m in range(sizes.shape[0]):
-            ax, ay, az = place[3] * projection[m, 0, 2], place[3] * projection[m, 1, 2], place[3] * projection[m, 2, 2]
+            step = lattice[3]
+            ax, ay, az = step * projection[m, 0, 2], step * projection[m, 1, 2], step * projection[m, 2, 2]
             px, py, pz, hx, hy, hz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for v in range(SIDE * SIDE * SIDE):
                 if v % SIDE == 0:
-                    px = place[0] + place[3] * (corners[b, 0] + v // 64)
-                    py = place[1] + place[3] * (corners[b, 1] + v // 8 % 8)
-                    pz = place[2] + place[3] * corners[b, 2]
+                    px = lattice[0] + step * (corners[b, 0] + v // 64)
+                    py = lattice[1] + step * (corners[b, 1] + v // 8 % 8)
+                    pz = lattice[2] + step * corners[b, 2]
                     hx, hy, hz = homogeneous(projection, m, px, py, pz)
                 else:
-                    pz += place[3]
+                    pz += step
                     hx, hy, hz = hx + ax, hy + ay, hz + az
                 if not hz > 0.0:
                     continue
@@ -110,7 +111,7 @@ def integrate(
 def silhouettes(points, outline, starts, sizes, projection, focal, whole, out_bound, out_count):
     """Bound points by the outlines of a few photos."""
     # points (N, 3) f64 world; outline (T,) f32 as in integrate; focal (M,) f64 pixels
-    # whole (M,) u8: all of the object is in the picture, so that places off it lie outside; else it cannot say
+    # whole (M,) u8: all of the object is in the picture, so that points off it lie outside; else it cannot say
     # out_bound (N, 2) f32: the two greatest distances outside any outline so far, scene units; start at -inf
     # out_count (N,) i32: photos that can say something of the point
     for n in prange(points.shape[0]):

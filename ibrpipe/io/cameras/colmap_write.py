@@ -1,4 +1,4 @@
-"""COLMAP text models with points and the places in the photos that see them."""
+"""COLMAP text models with points and the pixels of the photos that see them."""
 
 from __future__ import annotations
 

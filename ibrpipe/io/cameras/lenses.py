@@ -172,9 +172,9 @@ def directions_of(lens: Lens, pixels: Array) -> Array:
     return np.asarray(_camera(lens).cam_from_img(np.ascontiguousarray(pixels, np.float64)), np.float64)
 
 
-def project(lens: Lens, places: Array) -> Array:
-    """Where a lens shows places (N, 3) of the camera's own axes, (N, 2) float64 pixels; NaN behind the camera."""
-    return np.asarray(_camera(lens).img_from_cam(np.ascontiguousarray(places, np.float64)), np.float64)
+def project(lens: Lens, points: Array) -> Array:
+    """Where a lens shows points (N, 3) of the camera's own axes, (N, 2) float64 pixels; NaN behind the camera."""
+    return np.asarray(_camera(lens).img_from_cam(np.ascontiguousarray(points, np.float64)), np.float64)
 
 
 def _returns(lens: Lens, rays: Array, found: Array, inside: Array) -> Array:

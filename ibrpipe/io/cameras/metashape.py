@@ -78,11 +78,11 @@ def _pose(path: Path, matrix: Array, label: str, world: tuple[float, Array, Arra
 
 def _world(path: Path, chunk: ElementTree.Element) -> tuple[float, Array, Array]:
     """Similarity from the chunk's axes to its local coordinates."""
-    place = chunk.find("transform")
-    place = chunk.find("components/component/transform") if place is None else place
-    if place is None:
+    transform = chunk.find("transform")
+    transform = chunk.find("components/component/transform") if transform is None else transform
+    if transform is None:
         return 1.0, np.eye(3), np.zeros(3)
-    rotation, shift, scale = (place.find(name) for name in ("rotation", "translation", "scale"))
+    rotation, shift, scale = (transform.find(name) for name in ("rotation", "translation", "scale"))
     return (
         1.0 if scale is None else float(_numbers(path, scale, 1, "chunk")[0]),
         np.eye(3) if rotation is None else _numbers(path, rotation, 9, "chunk").reshape(3, 3),

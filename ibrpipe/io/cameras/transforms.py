@@ -78,8 +78,8 @@ def pose_from_opengl(world_from_camera: Array) -> Array:
             "remove scale and mirroring from it"
         )
     left, _, right = np.linalg.svd(rotation)
-    turn = OPENCV_FROM_OPENGL @ (left @ right).T
-    return np.concatenate([turn, -(turn @ matrix[:3, 3])[:, None]], axis=1)
+    rotation = OPENCV_FROM_OPENGL @ (left @ right).T
+    return np.concatenate([rotation, -(rotation @ matrix[:3, 3])[:, None]], axis=1)
 
 
 def _document(path: Path) -> Mapping[str, Any]:

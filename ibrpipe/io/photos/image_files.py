@@ -155,9 +155,9 @@ def _declared_space(spec: Any, integer: bool) -> str:
 
 def _on_display_window(pixels: Array, spec: Any) -> Array:
     """Place the stored data window on the display window; zeros where nothing is stored."""
-    placed = np.zeros((spec.full_height, spec.full_width, pixels.shape[2]), pixels.dtype)
+    full = np.zeros((spec.full_height, spec.full_width, pixels.shape[2]), pixels.dtype)
     top, left = spec.y - spec.full_y, spec.x - spec.full_x
     rows = slice(max(top, 0), min(top + spec.height, spec.full_height))
     columns = slice(max(left, 0), min(left + spec.width, spec.full_width))
-    placed[rows, columns] = pixels[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
-    return placed
+    full[rows, columns] = pixels[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
+    return full

@@ -91,7 +91,7 @@ def _read_parts(path: Path) -> list[Any]:
         scene = _load_scene(path)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
         for part in parts:
-            _turn_tangents(part, scene)
+            _transform_tangents(part, scene)
     except (ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, ArithmeticError) as error:
         raise FormatError(f"{path}: the mesh is damaged ({' '.join(str(error).split())}); export it again") from error
     if not parts:
@@ -114,12 +114,12 @@ def _load_scene(path: Path) -> Any:
     return trimesh.load_scene(file, file_type=kind[1:], resolver=resolver, process=False)
 
 
-def _turn_tangents(part: Any, scene: Any) -> None:
+def _transform_tangents(part: Any, scene: Any) -> None:
     """Bring tangents to where the part stands in the scene, as its vertices are."""
-    turn, name = scene.graph[part.metadata["node"]]
+    transform, name = scene.graph[part.metadata["node"]]
     tangents = scene.geometry[name].vertex_attributes.get(KEPT)
     if tangents is not None:
-        part.metadata[KEPT] = np.asarray(tangents, np.float64)[:, :3] @ turn[:3, :3].T
+        part.metadata[KEPT] = np.asarray(tangents, np.float64)[:, :3] @ transform[:3, :3].T
 
 
 def _by_material(path: Path, parts: Sequence[Any]) -> list[list[Any]]:

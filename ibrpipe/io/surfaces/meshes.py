@@ -63,9 +63,9 @@ def write_mesh(mesh: Mesh, path: Path, values: Mapping[str, Array] | None = None
         f"element vertex {len(mesh.vertices)}\nproperty double x\nproperty double y\nproperty double z\n{properties}"
         f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
-    layout = [("place", "<f8", 3), *((name, "<i4" if kind == "int" else "<f4") for name, kind in kinds.items())]
+    layout = [("position", "<f8", 3), *((name, "<i4" if kind == "int" else "<f4") for name, kind in kinds.items())]
     vertices = np.empty(len(mesh.vertices), dtype=layout)
-    vertices["place"] = mesh.vertices
+    vertices["position"] = mesh.vertices
     for name, value in extra.items():
         vertices[name] = value
     faces = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])

@@ -11,40 +11,41 @@ import numpy as np
 from ibrpipe.errors import ValueRangeError
 from ibrpipe.types import Array, Mesh
 
-WAYS = ("cylinder", "sphere", "planar", "box")
+PROJECTIONS = ("cylinder", "sphere", "planar", "box")
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
-def map_mesh(mesh: Mesh, way: str, up: str = "y") -> Array:
+def map_mesh(mesh: Mesh, projection: str, up: str = "y") -> Array:
     """Return (F, 3, 2) float64 texture coordinates, u to the right and v downward seen from outside.
 
     Parameters
     ----------
-    way : {"cylinder", "sphere", "planar", "box"}
+    projection : {"cylinder", "sphere", "planar", "box"}
     up : {"x", "y", "z"}
         Axis of the cylinder and sphere, and the direction from which a planar map is laid on.
     """
-    if way not in WAYS or up not in AXES:
-        raise ValueRangeError(f"uv is {way!r} with up {up!r}; choose among file, {', '.join(WAYS)} and x, y, z")
+    if projection not in PROJECTIONS or up not in AXES:
+        choices = f"file, {', '.join(PROJECTIONS)} and x, y, z"
+        raise ValueRangeError(f"uv is {projection!r} with up {up!r}; choose among {choices}")
     axis = AXES[up]
     first, second = (axis + 1) % 3, (axis + 2) % 3
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     points = (mesh.vertices - 0.5 * (low + high))[mesh.faces]
     size = float((high - low).max()) or 1.0
-    if way in ("planar", "box"):
-        return _laid_on(mesh, points, size, axis if way == "planar" else None)
+    if projection in ("planar", "box"):
+        return _laid_on(mesh, points, size, axis if projection == "planar" else None)
     radius = np.hypot(points[..., first], points[..., second])
-    turn = np.arctan2(points[..., second], points[..., first]) / (2 * np.pi)
+    u = np.arctan2(points[..., second], points[..., first]) / (2 * np.pi)
     pole = radius < 1e-6 * size
-    turn += np.round(np.take_along_axis(turn, pole.argmin(axis=1)[:, None], 1) - turn)  # near the first that is no pole
-    others = np.where(pole, 0.0, turn).sum(axis=1, keepdims=True) / np.maximum((~pole).sum(axis=1, keepdims=True), 1)
-    turn = np.where(pole, others, turn)
-    if way == "cylinder":
+    u += np.round(np.take_along_axis(u, pole.argmin(axis=1)[:, None], 1) - u)  # near the first that is no pole
+    others = np.where(pole, 0.0, u).sum(axis=1, keepdims=True) / np.maximum((~pole).sum(axis=1, keepdims=True), 1)
+    u = np.where(pole, others, u)
+    if projection == "cylinder":
         mean = max(float(radius.mean()), 1e-6 * size)
         fall = -points[..., axis] / (2 * np.pi * mean)
     else:
         fall = 0.5 * np.arctan2(radius, points[..., axis]) / np.pi
-    return np.ascontiguousarray(np.stack([turn, fall], axis=-1))
+    return np.ascontiguousarray(np.stack([u, fall], axis=-1))
 
 
 def _laid_on(mesh: Mesh, points: Array, size: float, axis: int | None) -> Array:

@@ -120,6 +120,6 @@ def looked_up(context: Context, tables: spiral.Tables, photo: int) -> Array:
     alphas, ks, limits, closings, counts = tables.arrays[:5]
     marks = np.empty((camera.height, len(np.asarray(alphas))), bool)
     frames = tables.rotations, tables.origins, tables.scales
-    way = np.ascontiguousarray(camera.world_from_pixel)
-    mark_images(depth, way, *frames, alphas, ks, limits, closings, counts, marks)
+    world_from_pixel = np.ascontiguousarray(camera.world_from_pixel)
+    mark_images(depth, world_from_pixel, *frames, alphas, ks, limits, closings, counts, marks)
     return np.asarray(marks.any(axis=0))

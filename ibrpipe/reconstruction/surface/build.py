@@ -90,9 +90,9 @@ def build_surface(
     moved = np.zeros(len(mesh.vertices))
     if config.silhouette_fit and made.method != "hull":
         mesh, moved = fit_to_silhouettes(mesh, outlines)
-    shell = with_second_side(mesh, fused.maps, step, config.truncation, config.two_sided)
-    found = evidence(shell.mesh, fused.maps, 2.0 * step, shell.facing if shell.share else None)
-    found = less_sure(found, moved[shell.source], step)  # second sides moved along
+    surface = with_second_side(mesh, fused.maps, step, config.truncation, config.two_sided)
+    found = evidence(surface.mesh, fused.maps, 2.0 * step, surface.facing if surface.share else None)
+    found = less_sure(found, moved[surface.source], step)  # second sides moved along
     facts = {
         "method": made.method,
         "filled_by_outlines": choice.hull_completion and made.method != "volume",
@@ -108,11 +108,11 @@ def build_surface(
             "voxels_mean": float(moved.mean() / step),
             "voxels_most": float(moved.max() / step),
         },
-        "two_sided": shell.facts,
-        **_described(shell.mesh, found, openings(mesh)),
+        "two_sided": surface.facts,
+        **_described(surface.mesh, found, openings(mesh)),
         "seconds": {"fusion": round(fused_at - began, 2), "surface": round(perf_counter() - fused_at, 2)},
     }
-    return Built(shell.mesh, found, facts)
+    return Built(surface.mesh, found, facts)
 
 
 def _middle(cloud: Cloud, outlines: Sequence[Outline]) -> Array | None:

@@ -27,7 +27,7 @@ class Blocks:
     Attributes
     ----------
     origin : (3,) float64
-        Place of voxel (0, 0, 0), world.
+        Position of voxel (0, 0, 0), world.
     step : float
         Size of a voxel, scene units.
     corners : (B, 3) int32
@@ -41,7 +41,7 @@ class Blocks:
     corners: Array
     grid: Array
 
-    def place(self) -> Array:
+    def lattice(self) -> Array:
         """Origin and step as the kernels read them."""
         return np.array([*self.origin, self.step], np.float64)
 
@@ -107,7 +107,7 @@ def summed(blocks: Blocks, maps: MapStore, outlines: Sequence[Outline], weights:
         limits = np.array([length, each.camera.K[0, 0]], np.float64)
         outline = outlines[index].distance.ravel() if outlines else np.empty(0, np.float32)
         integrate(
-            blocks.corners, blocks.place(), p.depth, p.normal, (p.confidence * seen).astype(np.float32), outline,
+            blocks.corners, blocks.lattice(), p.depth, p.normal, (p.confidence * seen).astype(np.float32), outline,
             p.starts, p.sizes, p.projection, p.rays, p.centers, limits, total, free, bound,
         )  # fmt: skip
     outer = np.clip(chosen_bound(bound, len(outlines)).reshape(free.shape) / length, -1, 1) if outlines else None
@@ -147,10 +147,10 @@ def extract(blocks: Blocks, value: Array) -> Mesh:
     if count == 0:
         raise CaptureError("the depth maps agree on no surface; look at their overlap, or give a mesh")
     vertex[marked > 0] = np.arange(count, dtype=np.int32)
-    place = np.empty((count, 3), np.float64)
-    place_vertices(blocks.corners, blocks.grid, value, vertex, place)
+    position = np.empty((count, 3), np.float64)
+    place_vertices(blocks.corners, blocks.grid, value, vertex, position)
     faces = np.empty((6 * count, 3), np.int32)
     found = join_quads(blocks.corners, blocks.grid, value, vertex, faces)
     if found == 0:
         raise CaptureError("the depth maps agree on no surface; look at their overlap, or give a mesh")
-    return Mesh(blocks.origin + blocks.step * place, faces[:found])
+    return Mesh(blocks.origin + blocks.step * position, faces[:found])

@@ -45,7 +45,7 @@ TwoSided = Literal["auto", "never", "always"]
 
 
 @dataclass(frozen=True, eq=False)
-class Shell:
+class TwoSidedSurface:
     """A surface, parts of which have two sides.
 
     Attributes
@@ -105,7 +105,7 @@ class Backs:
     share: float
 
 
-def with_second_side(sheet: Mesh, maps: MapStore, step: float, melt: float, choice: TwoSided) -> Shell:
+def with_second_side(sheet: Mesh, maps: MapStore, step: float, melt: float, choice: TwoSided) -> TwoSidedSurface:
     """Double what maps see from both sides.
 
     Parameters
@@ -135,8 +135,10 @@ def with_second_side(sheet: Mesh, maps: MapStore, step: float, melt: float, choi
     return doubled(sheet, marked, backs, GAP * step, by_hand if choice == "always" else reason)
 
 
-def _one_sided(sheet: Mesh, backs: float, reason: str) -> Shell:
-    return Shell(sheet, np.zeros_like(sheet.vertices), np.arange(len(sheet.vertices)), 0.0, backs, 0.0, reason)
+def _one_sided(sheet: Mesh, backs: float, reason: str) -> TwoSidedSurface:
+    return TwoSidedSurface(
+        sheet, np.zeros_like(sheet.vertices), np.arange(len(sheet.vertices)), 0.0, backs, 0.0, reason
+    )
 
 
 def backs_seen(mesh: Mesh, maps: MapStore, step: float, melt: float) -> Backs:
@@ -146,15 +148,17 @@ def backs_seen(mesh: Mesh, maps: MapStore, step: float, melt: float) -> Backs:
     shown, right = 0, 0
     for each in track(maps, "backs", len(maps)):
         look = _looks(caster, each)
-        place = look.known & (look.before <= np.where(look.back, melt, BEHIND) * step) & (look.before >= -BEHIND * step)
-        found = look.back & place
+        in_place = (
+            look.known & (look.before <= np.where(look.back, melt, BEHIND) * step) & (look.before >= -BEHIND * step)
+        )
+        found = look.back & in_place
         balance += _touched(mesh, look.face[found])
         balance -= _touched(mesh, look.face[look.back & look.known & (look.before < -BEHIND * step)])
         blank += _touched(mesh, look.face[look.back & ~look.known])
         corners = mesh.faces[look.face[found]].ravel()
         total += np.bincount(corners, np.repeat(look.near[found], 3), count)
         pixels += np.bincount(corners, minlength=count)
-        shown, right = shown + int(found.sum()), right + int(place.sum())
+        shown, right = shown + int(found.sum()), right + int(in_place.sum())
     return Backs(balance > 0, (blank >= 2) & (balance >= 0), total, pixels, shown / max(right, 1))
 
 
@@ -216,7 +220,7 @@ def _closed(mesh: Mesh, marked: Array) -> Array:
     return ~grown(mesh, ~grown(mesh, marked, RINGS), RINGS)
 
 
-def doubled(sheet: Mesh, marked: Array, backs: Backs, gap: float, reason: str) -> Shell:
+def doubled(sheet: Mesh, marked: Array, backs: Backs, gap: float, reason: str) -> TwoSidedSurface:
     """Give the faces whose corners are all marked (V,) a second side, at least `gap` behind the first."""
     chosen = marked[sheet.faces].all(axis=1)
     vertex, faces = np.unique(sheet.faces[chosen]), sheet.faces[chosen]
@@ -234,7 +238,7 @@ def doubled(sheet: Mesh, marked: Array, backs: Backs, gap: float, reason: str) -
     facing[vertex], facing[count:] = normal[vertex], -normal[vertex]
     share, median = float(areas[chosen].sum() / areas.sum()), float(np.median(thick[vertex]))
     source = np.concatenate([np.arange(count), vertex])
-    return Shell(mesh, facing, source, share, backs.share, median, reason)
+    return TwoSidedSurface(mesh, facing, source, share, backs.share, median, reason)
 
 
 def _ends(faces: Array) -> Array:
@@ -245,7 +249,7 @@ def _ends(faces: Array) -> Array:
 
 
 def smoothed(mesh: Mesh, backs: Backs) -> Array:
-    """Mean thickness at every vertex (V,), smooth, and carried on to where nothing was measured."""
+    """Mean thickness at every vertex (V,), smooth, and extended to where nothing was measured."""
     from scipy.sparse import coo_matrix
 
     known = backs.pixels > 0

@@ -35,15 +35,15 @@ def hull_surface(outlines: Sequence[Outline], voxel_pixels: float, memory: int) 
     low, high = hull_box(outlines)
     camera, most = outlines[len(outlines) // 2].camera, max(memory // (VOXEL_BYTES * VOXELS), 64)
     step = voxel_pixels * float(np.linalg.norm(camera.center - (low + high) / 2)) / camera.K[0, 0]
-    marked = _shell(low, high, step, outlines)
+    marked = _blocks_near(low, high, step, outlines)
     while int(marked.sum()) > most:
         step *= 1.05 * float(marked.sum() / most) ** 0.5
-        marked = _shell(low, high, step, outlines)
+        marked = _blocks_near(low, high, step, outlines)
     blocks = blocks_of(marked, low - step * SIDE, step)
     return extract(blocks, _distances(blocks, outlines)), step
 
 
-def _shell(low: Array, high: Array, step: float, outlines: Sequence[Outline]) -> Array:
+def _blocks_near(low: Array, high: Array, step: float, outlines: Sequence[Outline]) -> Array:
     """Mark the blocks that the outlines' bound may pass."""
     size = step * SIDE
     shape = tuple(np.ceil((high - low) / size).astype(int) + 2)

@@ -45,12 +45,12 @@ def scene():
     return greys, valid, views, truth
 
 
-def arguments(scene, turn=0, consistency=(0.0, 2.0)):
+def arguments(scene, sweep_number=0, consistency=(0.0, 2.0)):
     greys, valid, _, truth = scene
     window = disc()
     margin = int(np.abs(window[:2]).max())
     padded = np.pad(np.where(valid, greys[0], np.float32(-1)), margin, constant_values=-1)
-    settings = (turn, 5, 2.0, 2, np.float32(1 / (32 * 20.0**2)), np.array(consistency, np.float32))
+    settings = (sweep_number, 5, 2.0, 2, np.float32(1 / (32 * 20.0**2)), np.array(consistency, np.float32))
     others = np.stack([truth[0].astype(np.float32) * np.float32(1 + 0.01 * n) for n in range(3)])
     return settings, window, padded, others
 
@@ -61,9 +61,9 @@ def started(valid):
     return state
 
 
-def run(scene, state, colours, turn=0, consistency=(0.0, 2.0)):
+def run(scene, state, colours, sweep_number=0, consistency=(0.0, 2.0)):
     greys, valid, views, _ = scene
-    settings, window, padded, others = arguments(scene, turn, consistency)
+    settings, window, padded, others = arguments(scene, sweep_number, consistency)
     words = np.stack([packed(grey) for grey in greys[1:]])
     for colour in colours:
         sweep(
@@ -73,9 +73,9 @@ def run(scene, state, colours, turn=0, consistency=(0.0, 2.0)):
     return state
 
 
-def twin_run(scene, state, colour, turn=0, consistency=(0.0, 2.0)):
+def twin_run(scene, state, colour, sweep_number=0, consistency=(0.0, 2.0)):
     greys, valid, views, _ = scene
-    settings, window, _, others = arguments(scene, turn, consistency)
+    settings, window, _, others = arguments(scene, sweep_number, consistency)
     return twin.half_sweep(
         colour, *settings, (0.3, 0.8, 0.05), LENS, window, greys[0].astype(float), valid, views,
         [grey.astype(float) for grey in greys[1:]], others, state,
@@ -110,8 +110,8 @@ def test_sweeps_find_the_plane_whatever_the_threads(scene):
     for threads in (1, numba.config.NUMBA_NUM_THREADS):
         numba.set_num_threads(threads)
         state = started(scene[1])
-        for turn in range(6):
-            run(scene, state, (0, 1), turn)
+        for sweep_number in range(6):
+            run(scene, state, (0, 1), sweep_number)
         found.append(state)
     numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
     assert found[0].tobytes() == found[1].tobytes()

@@ -83,7 +83,7 @@ def test_distances_are_those_of_the_twin() -> None:
     outline = np.concatenate([np.sin(np.arange(each.depth.size)) for each in maps]).astype(np.float32)
     focal = [each.camera.K[0, 0] for each in maps]
     integrate(
-        blocks.corners, blocks.place(), p.depth, p.normal, p.confidence, outline, p.starts, p.sizes, p.projection,
+        blocks.corners, blocks.lattice(), p.depth, p.normal, p.confidence, outline, p.starts, p.sizes, p.projection,
         p.rays, p.centers, np.array([truncation, *focal]), total, free, bound,
     )  # fmt: skip
     inner = np.stack(np.meshgrid(*[np.arange(SIDE)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -117,18 +117,18 @@ def test_packed_relief_comes_back(obj, tmp_path):
         np.testing.assert_allclose(again.normal, source.normal, atol=3 * room)
 
 
-@pytest.mark.parametrize("way", ["cylinder", "sphere", "planar", "box"])
-def test_made_texture_coordinates(way):
+@pytest.mark.parametrize("projection", ["cylinder", "sphere", "planar", "box"])
+def test_made_texture_coordinates(projection):
     ball = trimesh.creation.icosphere(3)
     mesh = Mesh(ball.vertices, ball.faces)
-    uv = map_mesh(mesh, way)
+    uv = map_mesh(mesh, projection)
     assert np.isfinite(uv).all()
     spread = np.ptp(uv, axis=1)
     assert (spread < 0.6).all()  # no face spans the seam
     assert 0.4 < texture_size(mesh, uv) < 9
     shift = uv - np.round(uv)
     place = mesh.vertices[mesh.faces]
-    if way in ("cylinder", "sphere"):  # faces agree on u at shared vertices, but for whole textures
+    if projection in ("cylinder", "sphere"):  # faces agree on u at shared vertices, but for whole textures
         away = np.hypot(place[..., 0], place[..., 2]) > 1e-3
         turns = np.arctan2(place[..., 0], place[..., 2]) / (2 * np.pi)
         gap = shift[..., 0] - turns

@@ -71,18 +71,18 @@ def test_both_colours_of_a_thin_wall_come_through_to_its_layers(wall, tmp_path: 
         hits = caster.cast_camera(view.camera)
         depth = np.where(np.isfinite(hits.t), hits.t, 0).astype(np.float32)
         maps.append(LoadedMap(view.name, view.camera, depth, hits.normal, np.ones_like(depth), load_view(view)[1]))
-    shell = with_second_side(outside, maps, THICK, 4.0, "auto")
-    np.testing.assert_array_equal(shell.mesh.vertices[: len(outside.vertices)], outside.vertices)
-    np.testing.assert_array_equal(shell.mesh.faces[: len(outside.faces)], outside.faces)
-    assert shell.share == pytest.approx(1.0)
-    assert 0.8 * THICK < shell.thickness < 1.1 * THICK
-    found = evidence(shell.mesh, maps, 2 * THICK, shell.facing)
-    alone = evidence(shell.mesh, maps, 2 * THICK)
+    surface = with_second_side(outside, maps, THICK, 4.0, "auto")
+    np.testing.assert_array_equal(surface.mesh.vertices[: len(outside.vertices)], outside.vertices)
+    np.testing.assert_array_equal(surface.mesh.faces[: len(outside.faces)], outside.faces)
+    assert surface.share == pytest.approx(1.0)
+    assert 0.8 * THICK < surface.thickness < 1.1 * THICK
+    found = evidence(surface.mesh, maps, 2 * THICK, surface.facing)
+    alone = evidence(surface.mesh, maps, 2 * THICK)
     sides = found.observations[: len(outside.vertices)], found.observations[len(outside.vertices) :]
     assert min(np.median(side) for side in sides) >= 3
     assert (alone.observations >= found.observations).all()
     assert np.median(alone.observations) > 1.4 * np.median(found.observations)  # maps of both sides together
-    shown = colours(place, shell.mesh, tmp_path / "two")
+    shown = colours(place, surface.mesh, tmp_path / "two")
     assert shown["red"] > 0.9
     assert shown["blue"] > 0.9
     assert colours(place, outside, tmp_path / "one")["blue"] == 0  # what it was before
@@ -134,25 +134,27 @@ def test_closed_and_one_sided_surfaces_stay_the_bytes_that_they_were(measured) -
     assert "closed" in with_second_side(ball, Maps(), 0.02, 4.0, "auto").reason
     plate = sheet(lambda u, v: np.stack([0 * u, u, v], axis=-1), 20, 20).mesh
     for mesh, eyes in ((ball, AROUND), (plate, AROUND[:2])):
-        shell = with_second_side(mesh, looking(mesh, eyes), 0.02, 4.0, "auto")
-        assert shell.mesh is mesh
-        assert (shell.share, shell.backs) == (0, 0)
-        np.testing.assert_array_equal(shell.source, np.arange(len(mesh.vertices)))
+        surface = with_second_side(mesh, looking(mesh, eyes), 0.02, 4.0, "auto")
+        assert surface.mesh is mesh
+        assert (surface.share, surface.backs) == (0, 0)
+        np.testing.assert_array_equal(surface.source, np.arange(len(mesh.vertices)))
 
 
 @pytest.mark.parametrize(("shift", "share"), [(0.03, 1.0), (0.3, 0.0)])
 def test_a_back_counts_where_depth_is_in_place(shift: float, share: float) -> None:
     plate = sheet(lambda u, v: np.stack([0 * u, u, v], axis=-1), 20, 20).mesh  # faces +x
-    shell = with_second_side(plate, looking(plate, AROUND[:2]) + looking(plate, AROUND[2:4], shift), 0.02, 4.0, "auto")
-    assert shell.share == pytest.approx(share)
+    surface = with_second_side(
+        plate, looking(plate, AROUND[:2]) + looking(plate, AROUND[2:4], shift), 0.02, 4.0, "auto"
+    )
+    assert surface.share == pytest.approx(share)
     if share:
-        assert shell.thickness == pytest.approx(0.03 * 4 / np.linalg.norm(AROUND[2]), rel=0.2)
-        apart = np.linalg.norm(shell.mesh.vertices - plate.vertices[shell.source], axis=1)
-        assert apart.max() < 2 * shell.thickness
-        assert openings(shell.mesh).loops == 0  # joined along the border
-        assert openings(shell.mesh).crowded == 0
-        volume = np.linalg.det(shell.mesh.vertices[shell.mesh.faces]).sum() / 6
-        assert volume == pytest.approx(4 * shell.thickness, rel=0.1)  # faces outward on both sides
+        assert surface.thickness == pytest.approx(0.03 * 4 / np.linalg.norm(AROUND[2]), rel=0.2)
+        apart = np.linalg.norm(surface.mesh.vertices - plate.vertices[surface.source], axis=1)
+        assert apart.max() < 2 * surface.thickness
+        assert openings(surface.mesh).loops == 0  # joined along the border
+        assert openings(surface.mesh).crowded == 0
+        volume = np.linalg.det(surface.mesh.vertices[surface.mesh.faces]).sum() / 6
+        assert volume == pytest.approx(4 * surface.thickness, rel=0.1)  # faces outward on both sides
 
 
 @pytest.mark.parametrize(("shift", "least", "most"), [(0.3, 0.95, 1.0), (-0.3, 0.0, 0.0)])
@@ -172,7 +174,7 @@ def test_likely_backs_count_only_beside_sure_ones_and_gaps_close() -> None:
     assert not whole_patches(plate, Backs(y < -5, likely, none, none, 0.1)).any()
 
 
-def test_thickness_is_smooth_and_carried_on() -> None:
+def test_thickness_is_smooth_and_extended() -> None:
     plate = sheet(lambda u, v: np.stack([0 * u, u, v], axis=-1), 30, 30).mesh
     known = np.where(plate.vertices[:, 1] < 0, 20.0, 0.0)
     noise = np.random.default_rng(0).normal(0, 0.2, len(known))
@@ -180,8 +182,8 @@ def test_thickness_is_smooth_and_carried_on() -> None:
     thick = smoothed(plate, backs)
     assert np.abs(thick - 1).max() < 0.2
     assert 0.02 < np.std(thick[known > 0]) < 0.12
-    shell = doubled(plate, np.ones(len(known), bool), backs, 5.0, "")
-    assert shell.thickness == 5.0  # the least distance
+    surface = doubled(plate, np.ones(len(known), bool), backs, 5.0, "")
+    assert surface.thickness == 5.0  # the least distance
 
 
 def test_backs_are_counted_in_place(measured) -> None:
