@@ -51,13 +51,13 @@ def similar_pairs(keypoints: Sequence[Array], descriptors: Sequence[Array], neig
     """
     large = [_largest(spots, vectors) for spots, vectors in zip(keypoints, descriptors)]
     count = len(large)
-    alike = np.zeros((count, count), np.int32)
+    matches = np.zeros((count, count), np.int32)
     for i, j in all_pairs(count):
-        alike[i, j] = alike[j, i] = len(matching(large[i], large[j]))
+        matches[i, j] = matches[j, i] = len(matching(large[i], large[j]))
     pairs: set[Pair] = set()
     for i in range(count):
-        for j in np.argsort(-alike[i], kind="stable")[:neighbours].tolist():
-            if alike[i, j] > 0 and i != j:
+        for j in np.argsort(-matches[i], kind="stable")[:neighbours].tolist():
+            if matches[i, j] > 0 and i != j:
                 pairs.add((min(i, j), max(i, j)))
     return sorted(pairs)
 

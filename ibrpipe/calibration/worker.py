@@ -77,11 +77,11 @@ def _pairs(job: Job, features: Sequence[Features]) -> list[pair_selection.Pair]:
         kind = "exhaustive" if count <= pair_selection.EXHAUSTIVE else "near"
     if kind == "exhaustive":
         return pair_selection.all_pairs(count)
-    alike = pair_selection.similar_pairs(
+    similar = pair_selection.similar_pairs(
         [each.keypoints for each in features], [each.descriptors for each in features], config["neighbours"]
     )
     order = pair_selection.sequential_pairs(count, config["overlap"] if kind == "sequential" else 2)
-    return sorted(set(alike) | set(order))
+    return sorted(set(similar) | set(order))
 
 
 def _fixed(job: Job, starts: Sequence[Start]) -> set[int]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrpipe.core.normals import face_normals
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
 from ibrpipe.types import Array, Camera, Mesh
@@ -43,8 +44,7 @@ def spread_points(mesh: Mesh, count: int) -> SurfacePoints:
     CaptureError
         All faces are degenerate.
     """
-    corners = mesh.vertices[mesh.faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = face_normals(mesh.vertices, mesh.faces)
     doubled = np.linalg.norm(normal, axis=1)
     total = np.cumsum(doubled)
     if not total[-1] > 0:
@@ -53,7 +53,7 @@ def spread_points(mesh: Mesh, count: int) -> SurfacePoints:
     first, second = ((0.5 + np.arange(1, count + 1) * step) % 1.0 for step in _R2)
     flipped = first + second > 1.0
     first, second = np.where(flipped, 1.0 - first, first), np.where(flipped, 1.0 - second, second)
-    corner = corners[face]
+    corner = mesh.vertices[mesh.faces[face]]
     position = corner[:, 0] + first[:, None] * (corner[:, 1] - corner[:, 0])
     position += second[:, None] * (corner[:, 2] - corner[:, 0])
     diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))

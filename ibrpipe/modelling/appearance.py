@@ -10,6 +10,7 @@ import numpy as np
 from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.core.appearance.shift_range import range_around
 from ibrpipe.core.color import srgb_encode
+from ibrpipe.core.normals import face_normals
 from ibrpipe.embree import MeshCaster
 from ibrpipe.modelling.rectangles import Rectangle, passed
 from ibrpipe.types import Array
@@ -90,7 +91,7 @@ def sample_surface(caster: MeshCaster, photos: PhotoSet, count: int, seed: int) 
     rng = np.random.default_rng(seed)
     mesh = caster.mesh
     corners = mesh.vertices[mesh.faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1)
     face = np.sort(rng.choice(len(areas), count, p=areas / areas.sum()))
     root, along = np.sqrt(rng.random(count)), rng.random(count)
     uv = np.stack([root * (1 - along), root * along], axis=1).astype(np.float32)

@@ -19,6 +19,7 @@ import yaml
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from ibrpipe.config import StageConfig
+from ibrpipe.core.normals import face_normals
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import ConfigError, ValueRangeError
 from ibrpipe.types import Array, Camera, Mesh
@@ -172,11 +173,10 @@ def _outside(middle: Array, radius: float, direction: Array, distance: float) ->
 
 def _surface_points(mesh: Mesh, caster: MeshCaster, rng: np.random.Generator) -> tuple[Array, Array]:
     """Points (N, 3) spread by area, and unit normals."""
-    corners = mesh.vertices[mesh.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1)
     face = rng.choice(len(area), POINTS, p=area / area.sum())
     a, b = np.sqrt(rng.random(POINTS))[:, None], rng.random(POINTS)[:, None]
-    three = corners[face]
+    three = mesh.vertices[mesh.faces[face]]
     points = (1 - a) * three[:, 0] + a * (1 - b) * three[:, 1] + a * b * three[:, 2]
     return points, caster.flat_normals[face].astype(np.float64)
 

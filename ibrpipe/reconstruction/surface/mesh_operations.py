@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from ibrpipe.core.normals import face_normals
 from ibrpipe.errors import CaptureError
 from ibrpipe.native_imports import import_open3d
 from ibrpipe.types import Array, Mesh
@@ -39,18 +41,29 @@ def grown(mesh: Mesh, marked: Array, rings: int) -> Array:
 
 def face_areas(mesh: Mesh) -> Array:
     """Area of every face, (F,) float64."""
-    corners = mesh.vertices[mesh.faces]
-    return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return 0.5 * np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1)
 
 
 def vertex_normals(mesh: Mesh) -> Array:
     """Unit normals of the vertices, (V, 3) float32, by the areas of their faces."""
-    corners = mesh.vertices[mesh.faces]
-    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat = face_normals(mesh.vertices, mesh.faces)
     normals = np.zeros_like(mesh.vertices)
     for corner in range(3):
         np.add.at(normals, mesh.faces[:, corner], flat)
     return (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)).astype(np.float32)
+
+
+def half_edges(faces: Array) -> Array:
+    """Edges of faces (F, 3) as they run, (3 F, 2): the first edges of all faces, then the second, then the third."""
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def adjacency(edges: Array, count: int) -> Any:
+    """Return the symmetric sparse matrix (V, V) that counts the edges (E, 2) between `count` vertices."""
+    from scipy.sparse import coo_matrix
+
+    a, b = edges.T
+    return coo_matrix((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(count, count)).tocsr()
 
 
 def parts(mesh: Mesh) -> tuple[int, Array]:
@@ -129,7 +142,7 @@ def openings(mesh: Mesh) -> Openings:
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    edges = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
+    edges = np.sort(half_edges(mesh.faces), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
     border = unique[count == 1]
     if len(border) == 0:

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ibrpipe.core.normals import face_normals
 from ibrpipe.embree import MeshCaster
 from ibrpipe.reconstruction.depth.evidence import Evidence
-from ibrpipe.reconstruction.surface.mesh_operations import vertex_normals
+from ibrpipe.reconstruction.surface.mesh_operations import adjacency, half_edges, vertex_normals
 from ibrpipe.reconstruction.surface.silhouettes import Outline
 from ibrpipe.types import Array, Mesh
 
@@ -97,7 +98,7 @@ def less_sure(found: Evidence, moved: Array, step: float) -> Evidence:
 def shape_of(mesh: Mesh) -> Shape:
     """Find edges, borders and the directions in which vertices move."""
     count, faces = len(mesh.vertices), mesh.faces.astype(np.int64)
-    half = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    half = half_edges(faces)
     key, first, number = np.unique(half.min(axis=1) * count + half.max(axis=1), return_index=True, return_counts=True)
     order = np.argsort(half.min(axis=1) * count + half.max(axis=1), kind="stable")
     start, face = np.cumsum(number) - number, np.tile(np.arange(len(faces)), 3)
@@ -123,9 +124,9 @@ def _outward(mesh: Mesh, normal: Array, open_edges: Array) -> Array:
 
 def wanted(shape: Shape, outlines: Sequence[Outline]) -> tuple[Array, Array]:
     """Return how far the photos want vertices moved, (V,) float64 scene units, and how many of them tell (V,)."""
-    caster, corners = MeshCaster(shape.mesh), shape.mesh.vertices[shape.mesh.faces]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    offset, count = (across * corners[:, 0]).sum(axis=1), len(shape.mesh.vertices)
+    caster, mesh = MeshCaster(shape.mesh), shape.mesh
+    across = face_normals(mesh.vertices, mesh.faces)
+    offset, count = (across * mesh.vertices[mesh.faces[:, 0]]).sum(axis=1), len(mesh.vertices)
     told = []
     for each in outlines:
         front = across @ each.camera.center > offset
@@ -182,11 +183,7 @@ def smoothest_moves(shape: Shape, move: Array, photos: Array) -> Array:
 
     Least squares: photos bind the part along a vertex's direction, neighbours move the same, and all would rather rest.
     """
-    from scipy.sparse import coo_matrix
-
-    a, b = shape.edges.T
-    count = len(move)
-    links = coo_matrix((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(count, count)).tocsr()
+    links = adjacency(shape.edges, len(move))
     degree, weight = np.asarray(links.sum(axis=1)), np.minimum(photos, MOST)[:, None] / MOST
 
     def pulled(moves: Array) -> Array:
@@ -214,14 +211,9 @@ def _solved(pulled: Callable[[Array], Array], target: Array) -> Array:
 
 def unfolded(mesh: Mesh, move: Array) -> Array:
     """Say which vertices may move (V, 3) without turning a face over: those that may not keep their place."""
-
-    def across(vertices: Array) -> Array:
-        corners = vertices[mesh.faces]
-        return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-
-    free, before = np.ones(len(move), bool), across(mesh.vertices)
+    free, before = np.ones(len(move), bool), face_normals(mesh.vertices, mesh.faces)
     for _ in range(10):
-        after = across(mesh.vertices + move * free[:, None])
+        after = face_normals(mesh.vertices + move * free[:, None], mesh.faces)
         sizes = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
         turned = (before * after).sum(axis=1) < 0.3 * sizes
         if not free[mesh.faces[turned]].any():

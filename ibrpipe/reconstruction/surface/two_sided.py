@@ -20,8 +20,10 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.progress import track
 from ibrpipe.reconstruction.depth.map_store import LoadedMap, MapStore
 from ibrpipe.reconstruction.surface.mesh_operations import (
+    adjacency,
     face_areas,
     grown,
+    half_edges,
     large_patches,
     openings,
     parts,
@@ -243,23 +245,19 @@ def doubled(sheet: Mesh, marked: Array, backs: Backs, gap: float, reason: str) -
 
 def _ends(faces: Array) -> Array:
     """Edges (B, 2) that only one of the faces has, as it runs."""
-    half = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    half = half_edges(faces)
     _, first, number = np.unique(np.sort(half, axis=1), axis=0, return_index=True, return_counts=True)
     return half[first[number == 1]]
 
 
 def smoothed(mesh: Mesh, backs: Backs) -> Array:
     """Mean thickness at every vertex (V,), smooth, and extended to where nothing was measured."""
-    from scipy.sparse import coo_matrix
-
     known = backs.pixels > 0
     if not known.any():
         return np.zeros(len(known))
     mean = np.where(known, backs.thickness / np.maximum(backs.pixels, 1), 0.0)
     found = np.where(known, mean, np.median(mean[known]))
-    a, b = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).T
-    pair, size = (np.r_[a, b], np.r_[b, a]), (len(known), len(known))
-    links = coo_matrix((np.ones(2 * len(a)), pair), shape=size).tocsr()
+    links = adjacency(half_edges(mesh.faces), len(known))
     degree, weight = np.asarray(links.sum(axis=1)).ravel(), np.minimum(backs.pixels / ENOUGH, 1.0)
     for _ in range(STEPS):
         found = (weight * mean + SMOOTH * (links @ found)) / np.maximum(weight + SMOOTH * degree, 1e-12)
