@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator
 import ibrpipe
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage
-from ibrpipe.engine.yaml_settings import Settings, parse, validated, value_of
+from ibrpipe.engine.yaml_settings import Settings, parse, renamed, take_current_names, validated, value_of
 from ibrpipe.errors import ConfigError, MissingFileError, closest
 
 
@@ -80,20 +80,22 @@ def load_pipeline(path: Path, stages: Sequence[Stage], changes: Sequence[str] = 
         settings = parse(found.read_text(encoding="utf-8"), str(found))
     except UnicodeDecodeError as error:
         raise ConfigError(f"{found}: not UTF-8 text; save it as UTF-8") from error
+    model = pipeline_model(stages)
+    take_current_names(model, settings)
     for change in changes:
-        apply_change(settings, change)
-    filled = validated(pipeline_model(stages), settings)
+        apply_change(settings, change, model)
+    filled = validated(model, settings)
     configs = {stage.name: getattr(filled, stage.name) for stage in stages}
     return Pipeline(filled.name, filled.seed, configs)  # type: ignore[attr-defined]
 
 
-def apply_change(settings: Settings, change: str) -> None:
+def apply_change(settings: Settings, change: str, model: type[BaseModel]) -> None:
     """Apply one ``stage.key=value`` to `settings`."""
     key, equals, text = change.partition("=")
     parts = tuple(part.strip() for part in key.split("."))
     if not equals or not all(parts):
         raise ConfigError(f"--set {change}: expected stage.key=value, for example layers.bins=32")
-    settings.put(parts, value_of(text, f"--set {change}"), f"--set {change}")
+    settings.put(renamed(model, parts), value_of(text, f"--set {change}"), f"--set {change}")
 
 
 def pipeline_folders() -> tuple[Path, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import AliasChoices, BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from ibrpipe.errors import ConfigError, closest
@@ -166,6 +166,44 @@ def _fields(model: type[BaseModel], key: Key) -> list[str]:
                 for inner in _models_in(each.model_fields[part].annotation)
             ]
     return [name for each in models for name in each.model_fields]
+
+
+def renamed(model: type[BaseModel], key: Key) -> Key:
+    """Return a key path in which names of earlier versions are those of today."""
+    models, found = [model], list[str | int]()
+    for part in key:
+        fields = [(name, field) for each in models for name, field in each.model_fields.items()]
+        if not isinstance(part, int):
+            part = next((name for name, field in fields if part in _names(field.validation_alias)), part)
+            models = [inner for name, field in fields if name == part for inner in _models_in(field.annotation)]
+        found.append(part)
+    return tuple(found)
+
+
+def _names(alias: Any) -> list[Any]:
+    return alias.choices if isinstance(alias, AliasChoices) else []
+
+
+def take_current_names(model: type[BaseModel], settings: Settings) -> None:
+    """Put what stands under a name of an earlier version under that of today, so that changes meet it there.
+
+    Raises
+    ------
+    ConfigError
+        A setting stands under both names.
+    """
+    for key in sorted(settings.places, key=len, reverse=True):
+        new = renamed(model, key)
+        if not key or new[-1] == key[-1]:
+            continue
+        target: Any = settings.values
+        for part in key[:-1]:
+            target = target[part]
+        if new[-1] in target:
+            place = settings.place(key)
+            raise ConfigError(f'{place}: "{key[-1]}" is the earlier name of "{new[-1]}", which is set, too; keep one')
+        target[new[-1]] = target.pop(key[-1])
+    settings.places = {renamed(model, key): place for key, place in settings.places.items()}
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:

@@ -43,6 +43,22 @@ def test_other_names_are_refused(tmp_path: Path, key: str) -> None:
         load(tmp_path, f"  surface: {{{key}: never}}\n")
 
 
+@pytest.mark.parametrize("in_file", ["fill", "hull_completion"])
+@pytest.mark.parametrize("in_change", ["fill", "hull_completion"])
+def test_a_change_replaces_what_the_file_says_under_either_name(tmp_path: Path, in_file: str, in_change: str) -> None:
+    change = f"geometry.surface.{in_change}=always"
+    assert load(tmp_path, f"  surface: {{{in_file}: never}}\n", change).surface.hull_completion == "always"
+    whole = load(tmp_path, f"  surface: {{{in_file}: never}}\n", f"geometry.surface={{{in_change}: always}}")
+    assert whole.surface.hull_completion == "always"
+
+
+def test_a_wrong_value_under_an_earlier_name_is_told_with_its_line(tmp_path: Path) -> None:
+    with pytest.raises(
+        ConfigError, match=r"p.yaml:3: geometry.surface.hull_completion is 'maybe'; it should be 'auto'"
+    ):
+        load(tmp_path, "  surface: {fill: maybe}\n")
+
+
 def test_a_setting_under_both_names_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r'unknown key "fill" in geometry\.surface'):
+    with pytest.raises(ConfigError, match=r'p.yaml:3: "fill" is the earlier name of "hull_completion", which is set'):
         load(tmp_path, "  surface: {fill: never, hull_completion: always}\n")
