@@ -131,7 +131,7 @@ def load_photos(views: Sequence[View], caster: MeshCaster) -> PhotoSet:
         depth[own] = caster.cast_camera(view.camera).t.ravel()
     return PhotoSet(
         cameras,
-        np.stack([c.K @ c.cam_from_world for c in cameras]),
+        np.stack([c.pixel_from_world for c in cameras]),
         np.stack([c.center for c in cameras]),
         sizes,
         starts,

@@ -56,7 +56,7 @@ def _projection(layers: LayeredDepthImage) -> Array:
     """(4, 4) float64, world to (u w, v w, depth, w)."""
     frame = layers.frame
     if isinstance(frame, Camera):
-        x, y, z = frame.K @ frame.cam_from_world
+        x, y, z = frame.pixel_from_world
         return np.stack([x, y, z, z])
     rows = np.concatenate([frame.local_from_world, -(frame.local_from_world @ frame.origin)[:, None]], axis=1)
     return np.concatenate([rows, [[0.0, 0.0, 0.0, 1.0]]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -65,24 +66,37 @@ class Camera:
         return -self.R.T @ self.t
 
     @property
+    def pixel_from_world(self) -> Array:
+        """(3, 4) float64: this @ (X, Y, Z, 1) of a world point is (x z, y z, z), pixel (x, y) and camera z."""
+        return self.K @ self.cam_from_world
+
+    @property
+    def cam_from_pixel(self) -> Array:
+        """(3, 3) float64: direction of pixel (x, y) in the camera's frame is this @ (x, y, 1); its z is 1."""
+        return np.linalg.inv(self.K)
+
+    @property
     def world_from_pixel(self) -> Array:
         """(3, 3) float64: world direction of pixel (x, y) is this @ (x, y, 1); its camera z is 1."""
-        return self.R.T @ np.linalg.inv(self.K)
+        return self.R.T @ self.cam_from_pixel
 
     def pixel_centers(self) -> Array:
-        """Places x, y of all pixels' centres in the picture, (H, W, 2) float64 pixels."""
+        """Coordinates x, y of all pixels' centres in the picture, (H, W, 2) float64 pixels."""
         return np.stack(np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5), axis=-1)
 
-    def pixel_rays(self, pixels: ArrayLike | None = None) -> Array:
-        """World directions of the rays through places in the picture, (..., 3) float64; their camera z is 1.
+    def pixel_rays(self, pixels: ArrayLike | None = None, frame: Literal["world", "camera"] = "world") -> Array:
+        """Directions of the rays through points of the picture, (..., 3) float64; their camera z is 1.
 
         Parameters
         ----------
         pixels : (..., 2) array_like, optional
             x, y in pixels; pixel (0, 0)'s centre is at (0.5, 0.5). All pixels' centres if not given: (H, W, 3).
+        frame : {"world", "camera"}
+            Whose axes the directions are in.
         """
-        places = self.pixel_centers() if pixels is None else np.asarray(pixels, np.float64)
-        return np.concatenate([places, np.ones((*places.shape[:-1], 1))], axis=-1) @ self.world_from_pixel.T
+        points = self.pixel_centers() if pixels is None else np.asarray(pixels, np.float64)
+        matrix = self.world_from_pixel if frame == "world" else self.cam_from_pixel
+        return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1) @ matrix.T
 
     def resized(self, width: int, height: int) -> Camera:
         """Return the same view at another size in pixels."""

@@ -55,3 +55,18 @@ def test_rays_are_those_of_grids_laid_by_hand_bit_by_bit():
 
 def test_whole_numbers_are_corners_of_pixels():
     np.testing.assert_allclose(AIMED.pixel_rays([3, 2]), AIMED.world_from_pixel @ (3.0, 2.0, 1.0), rtol=1e-13)
+
+
+def test_matrices_between_pixels_camera_and_world_undo_each_other():
+    point = AIMED.center + 3.0 * AIMED.world_from_pixel @ (2.25, 4.5, 1.0)
+    np.testing.assert_allclose(AIMED.pixel_from_world @ (*point, 1.0), [3.0 * 2.25, 3.0 * 4.5, 3.0], rtol=1e-12)
+    np.testing.assert_allclose(AIMED.cam_from_pixel @ AIMED.K, np.eye(3), atol=1e-15)
+
+
+def test_rays_in_the_cameras_frame_turn_into_those_of_the_world():
+    rays = AIMED.pixel_rays(frame="camera")
+    assert (rays[..., 2] == 1.0).all()
+    np.testing.assert_allclose(rays @ AIMED.R, AIMED.pixel_rays(), rtol=1e-12, atol=1e-14)
+    x, y = np.meshgrid(np.arange(7) + 0.5, np.arange(5) + 0.5)
+    by_hand = np.stack([x, y, np.ones_like(x)], axis=-1) @ np.linalg.inv(AIMED.K).T
+    assert rays.tobytes() == by_hand.tobytes()

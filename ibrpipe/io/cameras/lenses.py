@@ -143,9 +143,7 @@ def photo_positions(lens: Lens, camera: Camera) -> tuple[Array, Array]:
     x, y : (H, W) float32
         Photo coordinates counted from the *centre* of pixel (0, 0), as OpenCV's remap counts; -1e4 outside the photo.
     """
-    rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
-    pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(rows.shape)], axis=-1).reshape(-1, 3)
-    rays = pixels @ np.linalg.inv(camera.K).T
+    rays = camera.pixel_rays(camera.pixel_centers().reshape(-1, 2), "camera")
     found = np.asarray(_camera(lens).img_from_cam(rays), np.float64)
     with np.errstate(invalid="ignore"):
         inside = (found >= 0).all(axis=1) & (found[:, 0] <= lens.width) & (found[:, 1] <= lens.height)

@@ -99,8 +99,7 @@ def slope_normals(camera: Camera, depth: Array) -> Array:
 
     The smaller of both one-sided differences counts, so that steps do not bend the normals beside them.
     """
-    y, x = np.mgrid[: depth.shape[0], : depth.shape[1]] + 0.5
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ np.linalg.inv(camera.K).T
+    rays = camera.pixel_rays(frame="camera")
     points = np.where(depth > 0, depth, np.nan)[..., None] * rays
     across, down = _step(points, 1), _step(points, 0)
     normal = np.cross(down, across)
@@ -140,7 +139,7 @@ def pack(maps: Sequence[LoadedMap]) -> Packed:
 
 def packed_cameras(cameras: Sequence[Camera]) -> tuple[Array, Array, Array]:
     """Return projections (M, 3, 4), world directions of pixels (M, 3, 3) and centres (M, 3), float64."""
-    projection = np.stack([camera.K @ camera.cam_from_world for camera in cameras])
+    projection = np.stack([camera.pixel_from_world for camera in cameras])
     return projection, np.stack([camera.world_from_pixel for camera in cameras]), np.stack([c.center for c in cameras])
 
 

@@ -82,7 +82,7 @@ def relation(reference: Camera, other: Camera) -> Array:
     row = np.zeros(ROW)
     for first, (here, there) in ((0, (reference, other)), (16, (other, reference))):
         rotation = there.R @ here.R.T
-        row[first : first + 9] = (there.K @ rotation @ np.linalg.inv(here.K)).ravel()
+        row[first : first + 9] = (there.K @ rotation @ here.cam_from_pixel).ravel()
         row[first + 9 : first + 12] = there.K @ (there.t - rotation @ here.t)
     row[12:15] = other.width, other.height, other.width
     return row

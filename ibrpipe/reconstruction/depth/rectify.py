@@ -70,7 +70,7 @@ def rectified(
     if rotation is None:
         return None
     x, y = np.meshgrid(np.linspace(box[0], box[2], 5), np.linspace(box[1], box[3], 5))
-    rays = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1) @ np.linalg.inv(view.K).T
+    rays = view.pixel_rays(np.stack([x.ravel(), y.ravel()], axis=1), "camera")
     turned = rays @ rotation.T
     if (turned[:, 2] <= np.abs(turned[:, :2]).max(axis=1) / WIDEST).any():
         return None
@@ -117,4 +117,4 @@ def _camera(source: Camera, rotation: Array, focal: float, center: Array, width:
 
 
 def _between(turned: Camera, source: Camera) -> Array:
-    return source.K @ source.R @ turned.R.T @ np.linalg.inv(turned.K)
+    return source.K @ source.R @ turned.R.T @ turned.cam_from_pixel

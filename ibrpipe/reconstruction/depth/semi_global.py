@@ -148,7 +148,7 @@ def _unrectified(disparity: Array, view: Picture, pair: Rectified) -> Array:
     smooth = _warped(disparity, back, size, True, none)
     smooth = np.where(np.abs(smooth - nearest) <= STEP, smooth, nearest)
     x, y = np.arange(width)[None, :] + 0.5, np.arange(height)[:, None] + 0.5
-    slope = (pair.first.R @ view.camera.R.T)[2] @ np.linalg.inv(view.camera.K)
+    slope = (pair.first.R @ view.camera.R.T)[2] @ view.camera.cam_from_pixel
     along = slope[0] * x + slope[1] * y + slope[2]
     inverse = (smooth - pair.shift) / (pair.first.K[0, 0] * pair.baseline) * along
     return np.where(np.isfinite(inverse) & (inverse > 0) & (view.valid > 0), inverse, 0).astype(np.float32)
