@@ -23,6 +23,8 @@ if TYPE_CHECKING:
         ReliefTexture,
         SpiralResiduals,
         SpiralTexture,
+        Texture,
+        ViewDependence,
     )
     from ibrpipe.types.relief_mesh import ReliefMesh
 
@@ -37,6 +39,8 @@ _HOME = {
     "ReliefTexture": "types",
     "SpiralResiduals": "types",
     "SpiralTexture": "types",
+    "Texture": "types",
+    "ViewDependence": "types",
     "Prepared": "renderers.api",
     "composite": "renderers.composite",
     "prepare": "renderers.api",
@@ -61,6 +65,8 @@ __all__ = [
     "ReliefTexture",
     "SpiralResiduals",
     "SpiralTexture",
+    "Texture",
+    "ViewDependence",
     "__version__",
     "composite",
     "prepare",

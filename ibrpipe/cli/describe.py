@@ -141,6 +141,8 @@ def _asset(path: Path) -> Facts:
 
 def _texture(folder: Path, entry: TextureEntry) -> Facts:
     """Return the figures of one texture that are plain, those of its view dependence included."""
+    from ibrpipe.io.assets import component_bytes
+
     facts: Facts = {"view_dependence": ", ".join(component.kind for component in entry.components) or "none"}
     layers, residuals = entry.measured.get("layers") or {}, entry.measured.get("residuals") or {}
     if "width" in layers:
@@ -148,5 +150,5 @@ def _texture(folder: Path, entry: TextureEntry) -> Facts:
     facts |= {name: layers[name] for name in ("samples", "most_layers", "seen_share") if name in layers}
     facts |= {f"residual_{name}": residuals[name] for name in ("directions", "texels") if name in residuals}
     facts["layers_bytes"] = (folder / entry.layers).stat().st_size
-    facts["residual_bytes"] = sum((folder / component.file).stat().st_size for component in entry.components)
+    facts["residual_bytes"] = sum(component_bytes(component, folder) for component in entry.components)
     return facts

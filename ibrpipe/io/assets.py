@@ -8,32 +8,28 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
-from ibrpipe.errors import FormatError, MissingFileError, ResourceError
+from ibrpipe.config import Document
+from ibrpipe.errors import ConfigError, FormatError, MissingFileError, ResourceError, ValueRangeError
+from ibrpipe.io.components import Component, ComponentFiles, find_kind
 from ibrpipe.io.layers import read_layers, write_layers
-from ibrpipe.io.residuals import read_residuals, write_residuals
-from ibrpipe.types import Asset, SpiralTexture
+from ibrpipe.types import Asset, Texture, ViewDependence
+from ibrpipe.types.view_dependence import SharedData
 from ibrpipe.version import VERSION
 
 SCHEMA = 1
 INDEX = "asset.json"
 
 
-class Component(BaseModel):
-    """One way in which a texture's colour depends on the view."""
-
-    model_config = ConfigDict(extra="allow")
-
-    kind: str = Field(description="spiral: residual images on spiral directions; more kinds may join")
-    file: str = Field(description="Path below the asset folder")
-
-
-class TextureEntry(BaseModel):
+class TextureEntry(Document):
     """One texture of an asset."""
+
+    model_config = ConfigDict(extra="ignore")
 
     name: str = Field(description="Name of the support rectangle")
     layers: str = Field(description="Path of the deep OpenEXR below the asset folder")
@@ -41,8 +37,10 @@ class TextureEntry(BaseModel):
     measured: dict[str, Any] = Field(default_factory=dict, description="Measured figures and errors of this texture")
 
 
-class AssetIndex(BaseModel):
+class AssetIndex(Document):
     """The content of ``asset.json``."""
+
+    model_config = ConfigDict(extra="ignore")
 
     schema_version: Literal[1] = Field(1, description="Version of this layout")
     generator: str = Field(f"ibrpipe {VERSION}", description="What wrote the asset")
@@ -50,7 +48,15 @@ class AssetIndex(BaseModel):
     axes: str = Field("world axes of the capture, right-handed", description="Frame of all positions")
     color_space: str = Field("lin_rec709_scene", description="Colour space of the layers")
     textures: list[TextureEntry] = Field(description="All textures; they share one world")
+    shared: list[Component] = Field(
+        default_factory=list, description="What the components of a kind share among all textures; absent = nothing"
+    )
     provenance: dict[str, Any] = Field(default_factory=dict, description="Photos, settings and versions behind it")
+
+    @model_serializer(mode="wrap")
+    def _said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out `shared` where nothing is."""
+        return {key: value for key, value in handler(self).items() if key != "shared" or value}
 
 
 def write_asset(asset: Asset, path: str | Path, quality: int = 100) -> None:
@@ -73,12 +79,14 @@ def write_asset(asset: Asset, path: str | Path, quality: int = 100) -> None:
     draft = folder.with_name(f".{folder.name}.partial")
     try:
         shutil.rmtree(draft, ignore_errors=True)
-        entries = [_write_texture(texture, draft, i, quality) for i, texture in enumerate(asset.textures)]
-        known = {key: value for key, value in asset.info.items() if key not in ("textures", "schema_version")}
-        named = asset.info.get("textures", [])
-        for entry, before in zip(entries, named, strict=False):
-            entry.name, entry.measured = before.get("name", entry.name), before.get("measured", {})
-        write_index(AssetIndex(textures=entries, **known), draft)
+        named = dict(enumerate(asset.info.get("textures", [])))
+        entries = [
+            _write_texture(texture, draft, i, quality, named.get(i, {})) for i, texture in enumerate(asset.textures)
+        ]
+        shared = [_write_shared(kind, data, draft, quality) for kind, data in asset.shared.items()]
+        own = ("textures", "shared", "schema_version")
+        known = {key: value for key, value in asset.info.items() if key not in own}
+        write_index(AssetIndex(textures=entries, shared=shared, **known), draft)
         if folder.exists():
             shutil.rmtree(folder)
         draft.rename(folder)
@@ -88,15 +96,39 @@ def write_asset(asset: Asset, path: str | Path, quality: int = 100) -> None:
         raise ResourceError(f"{folder}: cannot write the asset: {error.strerror or error}") from error
 
 
-def _write_texture(texture: SpiralTexture, draft: Path, index: int, quality: int) -> TextureEntry:
+def _write_texture(texture: Texture, draft: Path, index: int, quality: int, before: Mapping[str, Any]) -> TextureEntry:
+    """Write one texture; `before` is what an index said of it that was read."""
     folder = draft / f"texture_{index:02d}"
     folder.mkdir(parents=True)
     write_layers(texture.layers, folder / "layers.exr")
-    components = []
-    if texture.residuals is not None:
-        file = write_residuals(texture.residuals, folder, quality)
-        components.append(Component(kind="spiral", file=f"{folder.name}/{file.name}"))
-    return TextureEntry(name=folder.name, layers=f"{folder.name}/layers.exr", components=components)
+    return TextureEntry(
+        name=before.get("name", folder.name),
+        layers=f"{folder.name}/layers.exr",
+        components=[write_component(part, folder, quality).below(folder.name) for part in texture.components],
+        measured=before.get("measured", {}),
+    )
+
+
+def write_component(component: ViewDependence, folder: Path, quality: int = 100) -> Component:
+    """Write a component as its kind does; return its entry, with paths that begin at `folder`.
+
+    Raises
+    ------
+    ConfigError
+        Its kind is not registered.
+    ResourceError
+        A file cannot be written.
+    """
+    return Component(kind=component.kind, **_files(component.kind).write(component, folder, quality))
+
+
+def _write_shared(kind: str, data: SharedData, draft: Path, quality: int) -> Component:
+    return Component(kind=kind, **_files(kind).write_shared(data, draft, quality))
+
+
+def _files(kind: str) -> ComponentFiles:
+    files: ComponentFiles = find_kind(kind).part("files", ComponentFiles)
+    return files
 
 
 def write_index(index: AssetIndex, folder: Path) -> None:
@@ -141,18 +173,42 @@ def read_asset(path: str | Path) -> Asset:
     MissingFileError, FormatError
         A file is missing or damaged, or a component's kind is unknown.
     """
-    index = read_index(path)
-    textures = tuple(_read_texture(Path(path), entry) for entry in index.textures)
+    index, folder = read_index(path), Path(path)
+    shared = {entry.kind: _known_files(folder, "the asset", entry).read_shared(entry, folder) for entry in index.shared}
+    textures = tuple(_read_texture(folder, entry, shared) for entry in index.textures)
     return Asset(textures, index.model_dump())
 
 
-def _read_texture(folder: Path, entry: TextureEntry) -> SpiralTexture:
-    residuals = None
-    for component in entry.components:
-        if component.kind != "spiral" or residuals is not None:
-            raise FormatError(
-                f"{folder / INDEX}: texture {entry.name} has a component of kind {component.kind!r} that this program "
-                "cannot render; use a newer ibrpipe"
-            )
-        residuals = read_residuals(folder / component.file)
-    return SpiralTexture(read_layers(folder / entry.layers), residuals)
+def _read_texture(folder: Path, entry: TextureEntry, shared: Mapping[str, SharedData]) -> Texture:
+    components = [
+        _known_files(folder, f"texture {entry.name}", part).read(part, folder, shared.get(part.kind))
+        for part in entry.components
+    ]
+    layers = read_layers(folder / entry.layers)
+    try:
+        return Texture(layers, tuple(components))
+    except ValueRangeError as error:
+        raise FormatError(f"{folder / INDEX}: texture {entry.name}: cannot render {error}") from error
+
+
+def _known_files(folder: Path, whose: str, entry: Component) -> ComponentFiles:
+    try:
+        return _files(entry.kind)
+    except ConfigError as error:
+        raise FormatError(
+            f"{folder / INDEX}: {whose} has a component of kind {entry.kind!r} that this program cannot render: {error}"
+        ) from error
+
+
+def bytes_by_kind(index: AssetIndex, folder: Path) -> dict[str, int]:
+    """Return the bytes on disk of every kind of view dependence, all textures and what is shared."""
+    found: dict[str, int] = {}
+    for entry in [*(part for texture in index.textures for part in texture.components), *index.shared]:
+        found[entry.kind] = found.get(entry.kind, 0) + component_bytes(entry, folder)
+    return found
+
+
+def component_bytes(entry: Component, folder: Path) -> int:
+    """Return the bytes on disk of one component; files that are missing count nothing."""
+    files = [folder / path for path in entry.paths]
+    return sum(file.stat().st_size for file in files if file.is_file())

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
+from ibrpipe.io.components import Component, ComponentFiles
 from ibrpipe.io.layers import frame_as_json, frame_from_json
 from ibrpipe.io.photos.image_files import one_line
 from ibrpipe.types import Array, ParallelFrame, SpiralResiduals
@@ -69,6 +70,20 @@ def write_residuals(residuals: SpiralResiduals, folder: Path, quality: int = 100
     except OSError as error:
         raise ResourceError(f"{path}: cannot write: {error.strerror or error}") from error
     return path
+
+
+class SpiralFiles(ComponentFiles):
+    """The kind "spiral" on disk: one archive per texture."""
+
+    def write(self, component: SpiralResiduals, folder: Path, quality: int) -> dict[str, str]:
+        """Write `residuals.zip`."""
+        return {"file": write_residuals(component, folder, quality).name}
+
+    def read(self, entry: Component, root: Path, shared: object) -> SpiralResiduals:
+        """Read `residuals.zip`."""
+        if entry.file is None:
+            raise FormatError(f"{root}: a component of kind 'spiral' names no file; copy the asset again")
+        return read_residuals(root / entry.file)
 
 
 def image_of(residuals: SpiralResiduals, index: int) -> tuple[Array, Array]:

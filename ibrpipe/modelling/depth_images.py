@@ -12,7 +12,7 @@ import numpy as np
 from ibrpipe.embree import MeshCaster
 from ibrpipe.modelling.frusta import Frustum
 from ibrpipe.modelling.relief_textures import clay
-from ibrpipe.types import Asset, Camera, DepthImage, LayeredDepthImage, Mesh, SpiralTexture
+from ibrpipe.types import Asset, Camera, DepthImage, LayeredDepthImage, Mesh, Texture
 from ibrpipe.types.layers import single_layer
 
 
@@ -36,7 +36,7 @@ def _asset(layers: Sequence[LayeredDepthImage], names: Sequence[str], made_from:
         "units": "scene units",
         "provenance": {"made": "ibrpipe depth-images", "from": made_from},
     }
-    return Asset(tuple(SpiralTexture(each) for each in layers), info)
+    return Asset(tuple(Texture(each) for each in layers), info)
 
 
 def _layers(caster: MeshCaster, camera: Camera) -> LayeredDepthImage:

@@ -21,7 +21,7 @@ from ibrpipe.types import (
     Mesh,
     ParallelFrame,
     ReliefTexture,
-    SpiralTexture,
+    Texture,
 )
 from ibrpipe.types.layers import single_layer
 
@@ -76,7 +76,7 @@ def steep_share(relief: ReliefTexture) -> float:
     return float((every > PARTED * texel).mean()) if every.size else 0.0
 
 
-def relief_from_layers(layers: LayeredDepthImage | SpiralTexture) -> ReliefTexture:
+def relief_from_layers(layers: LayeredDepthImage | Texture) -> ReliefTexture:
     """Take the first layer of a layered image with a parallel frame; f is turned round to point out of the surface.
 
     Raises
@@ -84,7 +84,7 @@ def relief_from_layers(layers: LayeredDepthImage | SpiralTexture) -> ReliefTextu
     RendererError
         The frame is a perspective one.
     """
-    layers = layers.layers if isinstance(layers, SpiralTexture) else layers
+    layers = layers.layers if isinstance(layers, Texture) else layers
     frame = layers.frame
     if not isinstance(frame, ParallelFrame):
         raise RendererError(
@@ -239,7 +239,7 @@ def clay(normal: Array) -> Array:
 
 def asset_from_reliefs(reliefs: Sequence[ReliefTexture], names: Sequence[str], made_from: str) -> Asset:
     """Return the asset of relief textures: layered images of one layer, f into the surface, normals of the heights."""
-    textures = tuple(SpiralTexture(layers_from_relief(relief)) for relief in reliefs)
+    textures = tuple(Texture(layers_from_relief(relief)) for relief in reliefs)
     info = {
         "textures": [{"name": name} for name in names],
         "units": "scene units",

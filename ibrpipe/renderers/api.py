@@ -8,13 +8,11 @@ from typing import Any
 
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.registry import check_options, find_renderer, registered
-from ibrpipe.types import Asset, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
-from ibrpipe.types.relief_mesh import ReliefMesh
+from ibrpipe.types import Asset, Camera, Frame
+from ibrpipe.types.renderable import Renderable
 
 #: what a frame can hold
 OUTPUTS = ("color", "depth", "alpha")
-
-Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture | ReliefMesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +31,12 @@ class Prepared:
     """
 
     renderer: str
-    sources: tuple[Texture, ...]
+    sources: tuple[Renderable, ...]
     data: Any
     bytes: int
 
 
-Source = Texture | Asset | Prepared | Sequence["Texture | Asset"]
+Source = Renderable | Asset | Prepared | Sequence["Renderable | Asset"]
 
 
 def prepare(source: Source, renderer: str = "ldi") -> Prepared:
@@ -46,7 +44,7 @@ def prepare(source: Source, renderer: str = "ldi") -> Prepared:
 
     Parameters
     ----------
-    source : ReliefTexture, DepthImage, LayeredDepthImage, SpiralTexture, ReliefMesh, Asset, or a list of these
+    source : ReliefTexture, DepthImage, LayeredDepthImage, Texture, ReliefMesh, Asset, or a list of these
     renderer : str
         A name from `renderers`.
 
@@ -133,7 +131,7 @@ def renderers() -> dict[str, dict[str, Any]]:
     }
 
 
-def _flatten(source: Any) -> Iterable[Texture]:
+def _flatten(source: Any) -> Iterable[Renderable]:
     if isinstance(source, Asset):
         yield from source.textures
     elif isinstance(source, list | tuple):

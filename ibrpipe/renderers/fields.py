@@ -12,15 +12,14 @@ import numpy as np
 
 from ibrpipe.core.ldi import patches, project_heights
 from ibrpipe.errors import RendererError
-from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
+from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture, Texture
 from ibrpipe.types.layers import single_layer
+from ibrpipe.types.renderable import GridSource
 
 #: steps between neighbours of unknown normal, in texels, above which they are not connected
 UNKNOWN_GAP = 4.0
 #: steepest slope that a normal may predict, in texels of depth per texel
 STEEPEST = 4.0
-
-Source = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +125,7 @@ class PatchField:
 Field = HeightField | PatchField
 
 
-def build_field(source: Source) -> Field:
+def build_field(source: GridSource) -> Field:
     """Build the field of one source.
 
     Raises
@@ -134,7 +133,7 @@ def build_field(source: Source) -> Field:
     RendererError
         The source is of a kind that has no field.
     """
-    if isinstance(source, SpiralTexture):
+    if isinstance(source, Texture):
         source = source.layers
     if isinstance(source, ReliefTexture):
         if min(source.height.shape) > 1:
@@ -146,7 +145,7 @@ def build_field(source: Source) -> Field:
         return _patch_field(source, UNKNOWN_GAP)
     raise RendererError(
         f"cannot render a {type(source).__name__}; give a ReliefTexture, DepthImage, LayeredDepthImage, "
-        "SpiralTexture, Asset, or a list of these"
+        "Texture, Asset, or a list of these"
     )
 
 

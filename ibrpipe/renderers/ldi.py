@@ -1,4 +1,4 @@
-"""The `ldi` renderer: nearest hit over all fields, then colour, then (where there are any) spiral residuals.
+"""The `ldi` renderer: nearest hit over all fields, then colour, then (where there is any) view dependence.
 
 Source: gong-yang, sec. 5: the view-independent picture is complete before the residual pass starts. The surface that
 is hit, the two searches, and the departures from the paper stand in ``docs/renderers/ldi.md``.
@@ -20,7 +20,7 @@ from ibrpipe.renderers.api import prepare as prepare_source
 from ibrpipe.renderers.frames import limited_threads, make_frame
 from ibrpipe.renderers.scene import Hits, Scene, prepare, shade_hits
 from ibrpipe.renderers.search.epipolar_lines import EYE, cast_map
-from ibrpipe.renderers.view_dependence import spiral
+from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.types import Array, Camera, Frame
 
 __all__ = ["Scene", "draw", "find_hits", "prepare", "render_progressive"]
@@ -44,9 +44,9 @@ def draw(
 
 
 def render_progressive(source: Source, camera: Camera, threads: int = 0) -> Iterator[Frame]:
-    """Yield the view-independent frame, then (where the source has residuals) the complete one.
+    """Yield the view-independent frame, then (where the source has view dependence) the complete one.
 
-    Source: gong-yang, sec. 5.1, "progressive": the first frame is complete before the residual pass starts.
+    Source: gong-yang, sec. 5.1, "progressive": the first frame is complete before view dependence is added.
     """
     prepared = source if isinstance(source, Prepared) else prepare_source(source, "ldi")
     scene = prepare_source(prepared, "ldi").data
@@ -68,8 +68,10 @@ def _passes(
             stats["hits"] = int(np.count_nonzero(known))
         stats["milliseconds"] = 1e3 * (perf_counter() - began)
         yield make_frame(outputs, hits.depth, color, known, stats)
-        if color is not None and known is not None and "color" in outputs and residuals and scene.residuals is not None:
-            stats["without_residual"] = spiral.add(scene.residuals, color, hits.depth, camera, known)
+        if color is not None and known is not None and "color" in outputs and residuals and scene.components:
+            picture = Picture(scene, camera, color, hits.depth, hits.ids, known)
+            for component in scene.components:
+                stats.update(component.add(picture))
             stats["milliseconds"] = 1e3 * (perf_counter() - began)
             yield make_frame(outputs, hits.depth, color, known, stats)
 

@@ -48,7 +48,7 @@ _RENDERERS = (
         summary="Exact nearest hit by projected patches or a quadtree; depth-corrected spiral residuals.",
         paper="gong-yang, sec. 5",
         limits="Pinhole cameras; nearest surface only, no transparency.",
-        accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Asset"),
+        accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Texture", "Asset"),
         options={
             "residuals": "add the view-dependent residuals where a texture has them (default True)",
             "search": "auto, patches, lines or quadtree: how hits are found; all find the same (default auto)",
@@ -61,7 +61,7 @@ _RENDERERS = (
         summary="Inverse warp along whole epipolar lines, exact or with nearest or interpolated reference samples.",
         paper="schaufler1999",
         limits="Pinhole cameras; view-independent colour; nearest and linear searches use the first layer.",
-        accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Asset"),
+        accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Texture", "Asset"),
         options={
             "search": "exact, nearest (as published) or linear: what a line meets (default exact)",
             "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
@@ -73,7 +73,7 @@ _RENDERERS = (
         summary="1-D pre-warp of relief textures along rows and columns, then planar texture mapping.",
         paper="oliveira2000",
         limits="Parallel frames, first layer; sampled, so silhouettes are right to about a texel.",
-        accepts=("ReliefTexture", "LayeredDepthImage", "SpiralTexture", "Asset"),
+        accepts=("ReliefTexture", "LayeredDepthImage", "SpiralTexture", "Texture", "Asset"),
         options={
             "method": "two-pass or pipelined: rows, then columns, or both interspersed (default two-pass)",
             "depth_bits": "8: heights as 254 levels with look-up tables; 32: floats (default 32)",
@@ -91,7 +91,7 @@ _RENDERERS = (
         summary="Forward warp of reference samples with footprints: the baseline beside the inverse warp.",
         paper="schaufler1999, sec. 3",
         limits="First layer; holes where a surface is turned away from the reference; depth constant over a footprint.",
-        accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Asset"),
+        accepts=("ReliefTexture", "DepthImage", "LayeredDepthImage", "SpiralTexture", "Texture", "Asset"),
         options={
             "footprint": "size of a sample in texels (default 1)",
             "threads": "number of threads, 0 = all (default 0); never changes a byte of the result",
@@ -103,7 +103,7 @@ _RENDERERS = (
         summary="Relief mapping of height fields and textured meshes, exactly or by linear and binary steps.",
         paper="policarpo2005",
         limits="Parallel frames, first layer; search='linear-binary' steps over thin features.",
-        accepts=("ReliefTexture", "LayeredDepthImage", "SpiralTexture", "Asset", "ReliefMesh"),
+        accepts=("ReliefTexture", "LayeredDepthImage", "SpiralTexture", "Texture", "Asset", "ReliefMesh"),
         options={
             "search": "exact: no feature is missed; linear-binary: as published (default exact)",
             "linear_steps": "steps of the published search along the ray (default 32)",

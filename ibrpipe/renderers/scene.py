@@ -13,10 +13,9 @@ from ibrpipe.renderers.fields import HeightField, PatchField, build_field
 from ibrpipe.renderers.search.epipolar_lines import Map, height_map
 from ibrpipe.renderers.search.patches import Blocks, pack_blocks
 from ibrpipe.renderers.search.quadtree import Sheet, build_sheets
-from ibrpipe.renderers.view_dependence import spiral
-from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ReliefTexture, SpiralTexture
-
-Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
+from ibrpipe.renderers.view_dependence.component import PreparedComponent, prepare_components
+from ibrpipe.types import Array, Camera
+from ibrpipe.types.renderable import GridSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,19 +28,19 @@ class Scene:
     ----------
     patches : tuple of (texture number, PatchField)
     heights : tuple of (texture number, HeightField, number of its first cell)
-    residuals : Tables of the residual pass, or None
+    components : tuple of PreparedComponent, all view dependence in the order in which it is added
     """
 
     patches: tuple[tuple[int, PatchField], ...]
     heights: tuple[tuple[int, HeightField, int], ...]
-    residuals: spiral.Tables | None
+    components: tuple[PreparedComponent, ...]
 
     @property
     def bytes(self) -> int:
         """Bytes held beyond the sources."""
         fields = [field for _, field in self.patches] + [field for _, field, _ in self.heights]
         held = sum(field.bytes for field in fields) + sum(one.bytes for one in self.maps)
-        return held + (self.residuals.bytes if self.residuals else 0)
+        return held + sum(component.bytes for component in self.components)
 
     @property
     def cells(self) -> int:
@@ -97,8 +96,8 @@ class Hits:
     ids: Array
 
 
-def prepare(textures: tuple[Texture, ...]) -> Scene:
-    """Build the fields of all textures, and the residual pass' tables where there are residuals."""
+def prepare(textures: tuple[GridSource, ...]) -> Scene:
+    """Build the fields of all textures, and the tables of their view dependence."""
     fields = [(number, build_field(texture)) for number, texture in enumerate(textures)]
     layered = tuple((number, field) for number, field in fields if isinstance(field, PatchField))
     base = sum(len(field.corners) for _, field in layered)
@@ -111,8 +110,7 @@ def prepare(textures: tuple[Texture, ...]) -> Scene:
         raise RendererError(
             f"the sources have {base} cells together; 4294967294 can be told apart: render fewer at once"
         )
-    modelled = any(isinstance(texture, SpiralTexture) and texture.residuals is not None for texture in textures)
-    return Scene(layered, tuple(heights), spiral.prepare(textures) if modelled else None)
+    return Scene(layered, tuple(heights), prepare_components(textures))
 
 
 def shade_hits(scene: Scene, hits: Hits, camera: Camera) -> tuple[Array, Array]:

@@ -12,7 +12,8 @@ from pydantic import Field
 
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage
-from ibrpipe.io.assets import INDEX, AssetIndex, Component, TextureEntry, write_index
+from ibrpipe.io.assets import INDEX, AssetIndex, TextureEntry, write_index
+from ibrpipe.io.components import Component
 from ibrpipe.io.residuals import NAME
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.plan_file import read_plan

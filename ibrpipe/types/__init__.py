@@ -9,8 +9,9 @@ from ibrpipe.types.arrays import Array
 from ibrpipe.types.asset import Asset, Frame
 from ibrpipe.types.camera import Camera, ParallelFrame
 from ibrpipe.types.mesh import Mesh
+from ibrpipe.types.texture import SpiralTexture, Texture
 from ibrpipe.types.textures import DepthImage, LayeredDepthImage, ReliefTexture
-from ibrpipe.types.view_dependence import SpiralResiduals, SpiralTexture
+from ibrpipe.types.view_dependence import SpiralResiduals, ViewDependence
 
 __all__ = [
     "Array",
@@ -24,4 +25,6 @@ __all__ = [
     "ReliefTexture",
     "SpiralResiduals",
     "SpiralTexture",
+    "Texture",
+    "ViewDependence",
 ]

@@ -6,23 +6,47 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ibrpipe.errors import ValueRangeError
 from ibrpipe.types.arrays import Array
-from ibrpipe.types.view_dependence import SpiralTexture
+from ibrpipe.types.texture import Texture
+from ibrpipe.types.view_dependence import SharedData
 
 
 @dataclass(frozen=True, eq=False)
 class Asset:
-    """A finished asset: any number of spiral textures and what is known of their making.
+    """A finished asset: any number of textures and what is known of their making.
 
     Attributes
     ----------
-    textures : tuple of SpiralTexture
+    textures : tuple of Texture
     info : mapping
         The content of ``asset.json`` (units, provenance, measured errors); empty for assets made in memory.
     """
 
-    textures: tuple[SpiralTexture, ...]
+    textures: tuple[Texture, ...]
     info: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of view dependence that some texture has, in the order in which they are met."""
+        return tuple(dict.fromkeys(part.kind for texture in self.textures for part in texture.components))
+
+    @property
+    def shared(self) -> dict[str, SharedData]:
+        """What the components of a kind share among all textures, by kind.
+
+        Raises
+        ------
+        ValueRangeError
+            Two components of one kind refer to two different objects.
+        """
+        found: dict[str, SharedData] = {}
+        for part in (part for texture in self.textures for part in texture.components):
+            if part.shared is not None and found.setdefault(part.kind, part.shared) is not part.shared:
+                raise ValueRangeError(
+                    f"components of kind {part.kind!r} share two different objects; an asset holds one of each kind"
+                )
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,19 +1,73 @@
-"""What changes with the view direction."""
+"""What changes with the view direction: components of textures, of one kind each."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from ibrpipe.errors import ShapeError, ValueRangeError
 from ibrpipe.types.arrays import Array
 from ibrpipe.types.camera import ParallelFrame
-from ibrpipe.types.textures import LayeredDepthImage
+
+
+class SharedData(Protocol):
+    """What the components of one kind hold together, once for all textures of an asset."""
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held in memory."""
+
+
+@runtime_checkable
+class ViewDependence(Protocol):
+    """One way in which the colour of a texture changes with the view: the immutable data of a component.
+
+    How it is stored, drawn and fitted belongs to its kind (:mod:`ibrpipe.io.components`).
+    """
+
+    @property
+    def kind(self) -> str:
+        """Name under which the kind is registered."""
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held in memory, without what is shared."""
+
+    @property
+    def shared(self) -> SharedData | None:
+        """The one object that all components of the kind refer to within an asset; None = each stands alone."""
+        return None
+
+
+def check_components(components: Sequence[ViewDependence]) -> tuple[ViewDependence, ...]:
+    """Return the components as a tuple.
+
+    Raises
+    ------
+    ShapeError
+        One is no view dependence.
+    ValueRangeError
+        Two are of one kind.
+    """
+    if isinstance(components, ViewDependence):
+        raise ShapeError(f"components must be a tuple, got one {type(components).__name__}; put it into a tuple")
+    for component in components:
+        if not isinstance(component, ViewDependence):
+            raise ShapeError(
+                f"a component must have kind, bytes and shared (ViewDependence), got {type(component).__name__}"
+            )
+    kinds = [component.kind for component in components]
+    twice = sorted({kind for kind in kinds if kinds.count(kind) > 1})
+    if twice:
+        raise ValueRangeError(f"two components of kind {twice[0]!r}; a texture takes one of each kind: join them")
+    return tuple(components)
 
 
 @dataclass(frozen=True, eq=False)
-class SpiralResiduals:
+class SpiralResiduals(ViewDependence):
     """View-dependent half of a spiral texture: one residual image per spiral direction (gong-yang, sec. 4.2).
 
     Image i samples the support rectangle along ``directions[i]`` with its own size; texel (0, 0)'s outer corner is the
@@ -43,6 +97,8 @@ class SpiralResiduals:
         The spiral has its closing turn along the horizon.
     """
 
+    kind: ClassVar[str] = "spiral"
+
     rectangle: ParallelFrame
     k: float
     alphas: Array
@@ -69,10 +125,9 @@ class SpiralResiduals:
         if self.texels.dtype not in (np.uint8, np.float32):
             raise ShapeError(f"texels must be uint8 or float32, got {self.texels.dtype}")
 
-
-@dataclass(frozen=True, eq=False)
-class SpiralTexture:
-    """A layered depth image and, where the scene needs it, its view-dependent residuals."""
-
-    layers: LayeredDepthImage
-    residuals: SpiralResiduals | None = None
+    @property
+    def bytes(self) -> int:
+        """Bytes held in memory."""
+        return sum(part.nbytes for part in (self.alphas, self.directions, self.sizes, self.starts)) + (
+            self.texels.nbytes + self.valid.nbytes
+        )

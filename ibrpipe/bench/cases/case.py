@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ibrpipe.bench.oracles.surface import Surface, Texture, build_surface
+from ibrpipe.bench.oracles.surface import Surface, build_surface
 from ibrpipe.types import (
     Array,
     Camera,
@@ -20,6 +20,7 @@ from ibrpipe.types import (
     ReliefTexture,
 )
 from ibrpipe.types.relief_mesh import ReliefMesh
+from ibrpipe.types.renderable import GridSource
 
 GROUPS = {
     1: "where the eye is",
@@ -62,7 +63,7 @@ class Shot:
         Of a relief texture, before they were stored.
     """
 
-    source: Texture
+    source: GridSource
     camera: Camera
     heights: Array | None = None
 

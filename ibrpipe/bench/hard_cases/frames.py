@@ -9,12 +9,12 @@ import numba
 
 from ibrpipe.bench.cases.case import AnyCase
 from ibrpipe.bench.hard_cases.results import Cell
-from ibrpipe.bench.oracles.surface import Texture
 from ibrpipe.bench.settings import Setting
 from ibrpipe.errors import IbrError
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.registry import find_renderer
 from ibrpipe.types import Array, Camera, Frame
+from ibrpipe.types.renderable import GridSource
 
 #: why fewer bits make no case of their own
 ALIKE = "all depths are the same, or there is none: fewer bits store them alike"
@@ -40,7 +40,7 @@ class Spot:
 
 
 def render_twice(
-    spot: Spot, setting: Setting, source: Texture | Sequence[Texture], camera: Camera
+    spot: Spot, setting: Setting, source: GridSource | Sequence[GridSource], camera: Camera
 ) -> tuple[Frame, bool] | Cell:
     """Return the frame, and whether one thread and all threads gave the same bytes; or the cell of a failure."""
     try:
@@ -61,7 +61,7 @@ def thread_counts() -> tuple[int, int]:
     return 1, int(numba.config.NUMBA_NUM_THREADS)
 
 
-def draw_with(setting: Setting, source: Texture | Sequence[Texture], camera: Camera) -> Callable[[int], Frame]:
+def draw_with(setting: Setting, source: GridSource | Sequence[GridSource], camera: Camera) -> Callable[[int], Frame]:
     """Return a function from a number of threads to the frame."""
     prepared = prepare(source, setting.renderer)
     takes_threads = "threads" in find_renderer(setting.renderer).options

@@ -11,10 +11,11 @@ import numpy as np
 from ibrpipe.bench.cases import Shot
 from ibrpipe.bench.hard_cases.results import Figures, Limits
 from ibrpipe.bench.oracles import fields
-from ibrpipe.bench.oracles.surface import Surface, Texture, first_layer
+from ibrpipe.bench.oracles.surface import Surface, first_layer
 from ibrpipe.bench.settings import Limit
 from ibrpipe.bench.speed_error.measure import Errors, displacement, ray_lengths
 from ibrpipe.types import Array, Camera, Frame, LayeredDepthImage
+from ibrpipe.types.renderable import GridSource
 
 #: units in the last place of float32 depth that every renderer may add
 ULPS = 4
@@ -63,7 +64,7 @@ def seen(shot: Shot) -> bool:
     return bool(np.isfinite(fields.cast([shot.surface()], shot.camera, fields.pixel_centers(shot.camera))[0]).any())
 
 
-def count_samples(source: Texture) -> int:
+def count_samples(source: GridSource) -> int:
     """Return the number of stored depths."""
     return int((source.height if hasattr(source, "height") else source.depth).size)  # type: ignore[union-attr]
 

@@ -11,10 +11,10 @@ from ibrpipe.bench.cases.spirals import build_spiral, expected, spiral_camera
 from ibrpipe.bench.hard_cases.frames import ALIKE, Spot, plain_cell, render_twice
 from ibrpipe.bench.hard_cases.posed import finite
 from ibrpipe.bench.hard_cases.results import Cell, Figures, Limits
-from ibrpipe.bench.oracles.surface import Texture
 from ibrpipe.bench.settings import Setting
 from ibrpipe.renderers.registry import find_renderer
 from ibrpipe.types import Array, Camera
+from ibrpipe.types.renderable import GridSource
 
 #: largest error of view-dependent colour, in 8-bit codes of linear light
 SPIRAL_CODES = 0.05
@@ -48,7 +48,7 @@ def _shows_residuals(setting: Setting) -> bool:
     return "SpiralTexture" in chosen.accepts and "residuals" in chosen.options
 
 
-def _spiral_cell(spot: Spot, setting: Setting, texture: Texture, camera: Camera, wanted: Array) -> Cell:
+def _spiral_cell(spot: Spot, setting: Setting, texture: GridSource, camera: Camera, wanted: Array) -> Cell:
     made = render_twice(spot, setting, texture, camera)
     if isinstance(made, Cell):
         return made

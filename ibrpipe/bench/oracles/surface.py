@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.renderers.fields import HeightField, build_field
-from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
+from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ParallelFrame, ReliefTexture, Texture
 from ibrpipe.types.layers import offsets_of
-
-Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
+from ibrpipe.types.renderable import GridSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,12 +122,12 @@ class Surface:
         return self.frame.origin + np.stack([u, v, depth], axis=-1) @ self.frame.world_from_local.T
 
 
-def build_surface(source: Texture, heights: Array | None = None) -> Surface:
+def build_surface(source: GridSource, heights: Array | None = None) -> Surface:
     """Build the surface of one source.
 
     Parameters
     ----------
-    source : ReliefTexture, DepthImage, LayeredDepthImage or SpiralTexture
+    source : ReliefTexture, DepthImage, LayeredDepthImage or Texture
     heights : (H, W) float64, optional
         Heights of a relief texture before they were stored as float32.
     """
@@ -136,7 +135,7 @@ def build_surface(source: Texture, heights: Array | None = None) -> Surface:
     if isinstance(field, HeightField):
         assert isinstance(source, ReliefTexture)
         return height_surface(source, source.height if heights is None else heights)
-    if isinstance(source, SpiralTexture):
+    if isinstance(source, Texture):
         source = source.layers
     order = np.lexsort((field.cells[:, 0], field.cells[:, 1]))
     rows, columns = source.height.shape if isinstance(source, ReliefTexture) else _shape(source)

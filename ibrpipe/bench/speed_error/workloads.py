@@ -10,10 +10,11 @@ from typing import Literal
 import numpy as np
 
 from ibrpipe.bench.oracles import fields
-from ibrpipe.bench.oracles.surface import Surface, Texture, build_surface, first_layer
+from ibrpipe.bench.oracles.surface import Surface, build_surface, first_layer
 from ibrpipe.embree import MeshCaster
-from ibrpipe.types import Array, Camera, LayeredDepthImage, Mesh, ParallelFrame, ReliefTexture, SpiralTexture
+from ibrpipe.types import Array, Camera, LayeredDepthImage, Mesh, ParallelFrame, ReliefTexture, Texture
 from ibrpipe.types.layers import offsets_of
+from ibrpipe.types.renderable import GridSource
 
 #: heights of the synthetic height field, share of its width
 AMPLITUDE = 0.15
@@ -47,7 +48,7 @@ class Workload:
     name: str
     kind: Literal["height field", "object"]
     n: int
-    sources: tuple[Texture, ...]
+    sources: tuple[GridSource, ...]
     mesh: Mesh
     size: float
     views: dict[str, Camera]
@@ -89,10 +90,10 @@ class Workload:
         return out
 
 
-def _depths(source: Texture) -> Array:
+def _depths(source: GridSource) -> Array:
     if isinstance(source, ReliefTexture):
         return source.height
-    return source.layers.depth if isinstance(source, SpiralTexture) else source.depth
+    return source.layers.depth if isinstance(source, Texture) else source.depth
 
 
 def strided(camera: Camera) -> Array:

@@ -21,9 +21,8 @@ from ibrpipe.renderers.frames import limited_threads, make_frame
 from ibrpipe.renderers.scene import Hits, Scene, shade_hits
 from ibrpipe.renderers.scene import prepare as prepare_scene
 from ibrpipe.renderers.search.epipolar_lines import EYE, Map, cast_map, patch_map
-from ibrpipe.types import Array, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture
-
-Texture = ReliefTexture | DepthImage | LayeredDepthImage | SpiralTexture
+from ibrpipe.types import Array, Camera, Frame, Texture
+from ibrpipe.types.renderable import GridSource
 
 SEARCHES = ("exact", "nearest", "linear")
 
@@ -34,7 +33,7 @@ class Maps:
 
     scene: Scene
     maps: tuple[Map, ...]
-    textures: tuple[Texture, ...]
+    textures: tuple[GridSource, ...]
 
     @cached_property
     def rasters(self) -> tuple[tuple[int, Raster], ...]:
@@ -50,9 +49,9 @@ class Maps:
         return self.scene.bytes + sum(one.bytes for one in self.maps if isinstance(one.field, PatchField))
 
 
-def prepare(textures: tuple[Texture, ...]) -> Maps:
+def prepare(textures: tuple[GridSource, ...]) -> Maps:
     """Build the fields of all textures and the bounds of their blocks."""
-    plain = tuple(texture.layers if isinstance(texture, SpiralTexture) else texture for texture in textures)
+    plain = tuple(texture.layers if isinstance(texture, Texture) else texture for texture in textures)
     scene = prepare_scene(plain)
     layered = [patch_map(field, int(n)) for (_, field), n in zip(scene.patches, scene.firsts, strict=False)]
     return Maps(scene, (*(one for one in layered if one is not None), *scene.maps), plain)

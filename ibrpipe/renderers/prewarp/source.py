@@ -11,7 +11,7 @@ import numpy as np
 from ibrpipe.core.prewarp import rows as prewarp
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.prewarp.faces import Face, Sight
-from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
+from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame, ReliefTexture, Texture
 
 #: steps between neighbouring samples of a layered image, in texels, above which they are not joined
 GAP = 4.0
@@ -132,7 +132,7 @@ class Relief:
         return JUMP * (1.0 if face.wall else self.pitch) / max(away, 1e-30)
 
 
-def build_relief(source: ReliefTexture | LayeredDepthImage | SpiralTexture) -> Relief:
+def build_relief(source: ReliefTexture | LayeredDepthImage | Texture) -> Relief:
     """Take the first layer of a source.
 
     Raises
@@ -140,7 +140,7 @@ def build_relief(source: ReliefTexture | LayeredDepthImage | SpiralTexture) -> R
     RendererError
         Its frame is a perspective one, or it is too large.
     """
-    if isinstance(source, SpiralTexture):
+    if isinstance(source, Texture):
         source = source.layers
     if max(source.height.shape if isinstance(source, ReliefTexture) else source.shape) > prewarp.SPAN:
         raise RendererError(f"a texture has more than {prewarp.SPAN} texels on a side; cut it or halve its resolution")

@@ -16,7 +16,7 @@ from ibrpipe.errors import RendererError
 from ibrpipe.renderers.background_compile import FirstCall, Kernel
 from ibrpipe.renderers.fields import HeightField, Place, _place
 from ibrpipe.renderers.search.epipolar_lines import Map, cast_map, height_map
-from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, SpiralTexture
+from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, Texture
 
 #: steps between neighbouring samples of a layered image, in texels, above which they are not joined
 GAP = 4.0
@@ -155,7 +155,7 @@ def build_field(source: Any) -> Field:
     RendererError
         Its frame is a perspective one, or it is too large.
     """
-    if isinstance(source, SpiralTexture):
+    if isinstance(source, Texture):
         source = source.layers
     if isinstance(source, ReliefTexture):
         known = np.ones((*source.height.shape, 1), np.float32)

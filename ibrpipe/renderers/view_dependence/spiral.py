@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numba
@@ -13,7 +13,8 @@ from ibrpipe.core.spiral import directions
 from ibrpipe.core.spiral.lookup import shade
 from ibrpipe.core.spiral.shade import add_residuals
 from ibrpipe.errors import RendererError
-from ibrpipe.types import Array, Camera, SpiralResiduals, SpiralTexture
+from ibrpipe.renderers.view_dependence.component import Picture
+from ibrpipe.types import Array, Camera, SpiralResiduals, Texture
 
 #: entries of the tables from linear light (by its square root) to display code, and back
 CODES = 4096
@@ -52,6 +53,19 @@ class Tables:
         return sum(array.nbytes for array in _flat((self.rotations, self.origins, self.scales, *self.arrays)))
 
 
+class SpiralDrawer:
+    """The kind "spiral" as the renderers draw it."""
+
+    def prepare(self, textures: Sequence[object]) -> Tables:
+        """Join the residuals of all textures."""
+        return prepare(textures)
+
+    def add(self, tables: Tables, picture: Picture) -> Mapping[str, int]:
+        """Add residuals; tell how many pixels found none."""
+        lost = add(tables, picture.color, picture.depth, picture.camera, picture.known)
+        return {"without_residual": lost}
+
+
 def _flat(arrays: object) -> list[Array]:
     if isinstance(arrays, tuple):
         return [leaf for part in arrays for leaf in _flat(part)]
@@ -59,14 +73,14 @@ def _flat(arrays: object) -> list[Array]:
 
 
 def prepare(textures: Sequence[object]) -> Tables:
-    """Join the residuals of all spiral textures.
+    """Join the residuals of all textures that have some.
 
     Raises
     ------
     RendererError
         Some textures hold 8-bit residuals and others linear ones.
     """
-    found = [t.residuals for t in textures if isinstance(t, SpiralTexture) and t.residuals is not None]
+    found = [t.residuals for t in textures if isinstance(t, Texture) and t.residuals is not None]
     kinds = {r.texels.dtype for r in found}
     if len(kinds) > 1:
         raise RendererError("some textures hold 8-bit residuals and others linear ones; encode them alike")
