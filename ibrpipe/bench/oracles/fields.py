@@ -126,16 +126,17 @@ def _cast_one(
     if not len(surface.corners) or not len(pixels):
         return t, which
     start, turn = surface.rays(camera)
-    common = (surface.front, split, near, surface.grain, surface.perspective, slack, t, which)
+    rule = (surface.front, split, near, surface.grain, surface.perspective, slack)
     if brute if brute is not None else len(pixels) * len(surface.corners) <= BRUTE:
-        kernels.cast_all(start, turn, pixels, surface.cells, surface.corners, surface.masks, *common)
+        kernels.cast_all(start, turn, pixels, surface.cells, surface.corners, surface.masks, rule, t, which)
     else:
         ranges = np.stack([surface.corners.min(axis=1), surface.corners.max(axis=1)], axis=1)
         low, high = ranges[:, 0].min(), ranges[:, 1].max()
         pad = 1e-3 * (high - low) + 1e-9 * max(abs(low), abs(high)) + (0.0 if surface.perspective else 1e-3)
         high = min(high + pad, -1e-300) if surface.perspective else high + pad
         box = np.array([surface.shape[1], surface.shape[0], low - pad, high])
-        kernels.cast_walks(start, turn, pixels, box, surface.starts, ranges, surface.corners, surface.masks, *common)
+        walked = (surface.starts, ranges, surface.corners, surface.masks)
+        kernels.cast_walks(start, turn, pixels, box, walked, rule, t, which)
     return t, which
 
 

@@ -3,6 +3,12 @@
 Nothing of the renderers' kernels is used. Symbols: ray (x, y, n, q)(t) in homogeneous cell coordinates (u = x/q,
 v = y/q, d = n/q), t the depth along camera z; a hit is a root of ``d - bilinear(u, v)``, multiplied out by q twice; the
 quadratic is written around the ray's point nearest to the cell, so that far eyes cost no digits.
+
+Packed arguments: ``place`` and ``way`` (x, y, n, q) of a ray at t = 0 and per t, in the coordinates of one cell;
+``corners`` (a, b, c, e) depths at (0, 0), (1, 0), (0, 1), (1, 1); ``rule`` (front, split, near, grain, perspective,
+slack): do only hits from the front count, are cells two triangles, least t, depth of one texel (a share of the depth in
+perspective frames), is the frame perspective, by how much borders are moved outward; ``surface`` (starts, ranges,
+corners, masks): first patch of every cell, least and greatest depth, corners (P, 4) and masks of every patch.
 """
 
 from __future__ import annotations
@@ -27,8 +33,10 @@ def counts_at(p, q, mask, slack):
 
 
 @ordered
-def nearest_point(x, y, n, w, dx, dy, dn, dw, d, grain):
+def nearest_point(place, way, d, grain):
     # parameter of the ray's point nearest to the cell's middle (0.5, 0.5, d); grain: depth of one texel
+    x, y, n, w = place
+    dx, dy, dn, dw = way
     bx, by, bn = x - 0.5 * w, y - 0.5 * w, (n - d * w) / grain
     ax, ay, an = dx - 0.5 * dw, dy - 0.5 * dw, (dn - d * dw) / grain
     square = ax * ax + ay * ay + an * an
@@ -36,8 +44,11 @@ def nearest_point(x, y, n, w, dx, dy, dn, dw, d, grain):
 
 
 @ordered
-def triangle_root(x, y, n, w, dx, dy, dn, dw, a, b, c, e, lower, near, slack):
+def triangle_root(place, way, corners, lower, near, slack):
     # root over one half of a cell split along the diagonal (0, 0)-(1, 1): upper p >= q, lower p <= q
+    x, y, n, w = place
+    dx, dy, dn, dw = way
+    a, b, c, e = corners
     gu, gv = (e - c, c - a) if lower else (b - a, e - b)
     slope = dn - a * dw - gu * dx - gv * dy
     if slope == 0.0:
@@ -50,8 +61,11 @@ def triangle_root(x, y, n, w, dx, dy, dn, dw, a, b, c, e, lower, near, slack):
 
 
 @ordered
-def patch_root(x, y, n, w, dx, dy, dn, dw, a, b, c, e, mask, front, near, slack):
+def patch_root(place, way, corners, mask, front, near, slack):
     # nearest root over a bilinear patch, or inf
+    x, y, n, w = place
+    dx, dy, dn, dw = way
+    a, b, c, e = corners
     k = a - b - c + e
     A = dn * dw - a * dw * dw + (a - b) * dx * dw + (a - c) * dy * dw - k * dx * dy
     B = (
@@ -77,26 +91,26 @@ def patch_root(x, y, n, w, dx, dy, dn, dw, a, b, c, e, mask, front, near, slack)
 
 
 @ordered
-def meet(start, ray, column, row, corners, patch, mask, front, split, near, grain, perspective, slack):
-    # start (4,), ray (4,) in cell coordinates -> t of the nearest hit of one patch beyond `near`, or inf
-    a, b, c, e = corners[patch, 0], corners[patch, 1], corners[patch, 2], corners[patch, 3]
-    d = 0.25 * (a + b + c + e)
+def meet(start, ray, column, row, depths, mask, rule):
+    # start (4,), ray (4,) in cell coordinates; depths (4,) of the corners -> t of the nearest hit of one patch, or inf
+    front, split, near, grain, perspective, slack = rule
+    a, b, c, e = depths[0], depths[1], depths[2], depths[3]
+    d, corners = 0.25 * (a + b + c + e), (a, b, c, e)
     x, y = start[0] - column * start[3], start[1] - row * start[3]
     dx, dy = ray[0] - column * ray[3], ray[1] - row * ray[3]
     scale = grain * abs(d) if perspective else grain
-    t = nearest_point(x, y, start[2], start[3], dx, dy, ray[2], ray[3], d, scale)
-    x, y, n, w = x + t * dx, y + t * dy, start[2] + t * ray[2], start[3] + t * ray[3]
+    way = (dx, dy, ray[2], ray[3])
+    t = nearest_point((x, y, start[2], start[3]), way, d, scale)
+    place = (x + t * dx, y + t * dy, start[2] + t * ray[2], start[3] + t * ray[3])
     if split:
-        upper = triangle_root(x, y, n, w, dx, dy, ray[2], ray[3], a, b, c, e, False, near - t, slack)
-        lower = triangle_root(x, y, n, w, dx, dy, ray[2], ray[3], a, b, c, e, True, near - t, slack)
+        upper = triangle_root(place, way, corners, False, near - t, slack)
+        lower = triangle_root(place, way, corners, True, near - t, slack)
         return t + min(upper, lower)
-    return t + patch_root(x, y, n, w, dx, dy, ray[2], ray[3], a, b, c, e, mask, front, near - t, slack)
+    return t + patch_root(place, way, corners, mask, front, near - t, slack)
 
 
 @kernel
-def cast_all(
-    start, turn, pixels, cells, corners, masks, front, split, near, grain, perspective, slack, out_t, out_patch
-):  # fmt: skip
+def cast_all(start, turn, pixels, cells, corners, masks, rule, out_t, out_patch):
     # brute force: every patch for every ray; pixels (N, 2) f64 -> out_t (N,) f64, inf = none; out_patch (N,) i64
     for i in prange(len(pixels)):
         ray = np.empty(4)
@@ -104,10 +118,7 @@ def cast_all(
             ray[k] = turn[k, 0] * pixels[i, 0] + turn[k, 1] * pixels[i, 1] + turn[k, 2]
         best, which = np.inf, -1
         for patch in range(len(corners)):
-            t = meet(
-                start, ray, cells[patch, 0], cells[patch, 1], corners, patch, masks[patch], front, split, near, grain,
-                perspective, slack
-            )  # fmt: skip
+            t = meet(start, ray, cells[patch, 0], cells[patch, 1], corners[patch], masks[patch], rule)
             if t < best:
                 best, which = t, patch
         out_t[i], out_patch[i] = best, which
@@ -135,8 +146,10 @@ def clip_ray(start, ray, box, near):
 
 
 @ordered
-def walk(start, ray, box, starts, ranges, corners, masks, front, split, near, grain, perspective, slack):
+def walk(start, ray, box, surface, rule):
     # as cast_all for one ray, visiting only patches of the cells that the ray's line crosses, a little wider
+    starts, ranges, corners, masks = surface
+    _, _, near, grain, perspective, _ = rule
     ta, tb = clip_ray(start, ray, box, near)
     if not ta <= tb:
         return np.inf, -1
@@ -168,9 +181,7 @@ def walk(start, ray, box, starts, ranges, corners, masks, front, split, near, gr
             for patch in range(starts[cell], starts[cell + 1]):
                 if ranges[patch, 0] > max(d0, d1) + pad or ranges[patch, 1] < min(d0, d1) - pad:
                     continue
-                t = meet(
-                    start, ray, column, row, corners, patch, masks[patch], front, split, near, grain, perspective, slack
-                )
+                t = meet(start, ray, column, row, corners[patch], masks[patch], rule)
                 if t < best:
                     best, which = t, patch
         spare -= 1 if best < np.inf else 0
@@ -180,18 +191,13 @@ def walk(start, ray, box, starts, ranges, corners, masks, front, split, near, gr
 
 
 @kernel
-def cast_walks(
-    start, turn, pixels, box, starts, ranges, corners, masks, front, split, near, grain, perspective, slack, out_t,
-    out_patch
-):  # fmt: skip
+def cast_walks(start, turn, pixels, box, surface, rule, out_t, out_patch):
     # as cast_all, for surfaces that are too large to try every patch for every ray
     for i in prange(len(pixels)):
         ray = np.empty(4)
         for k in range(4):
             ray[k] = turn[k, 0] * pixels[i, 0] + turn[k, 1] * pixels[i, 1] + turn[k, 2]
-        out_t[i], out_patch[i] = walk(
-            start, ray, box, starts, ranges, corners, masks, front, split, near, grain, perspective, slack
-        )
+        out_t[i], out_patch[i] = walk(start, ray, box, surface, rule)
 
 
 @kernel
