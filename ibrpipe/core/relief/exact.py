@@ -42,8 +42,9 @@ ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
 @fused
-def set_out(turn, start, x0, y0, t, low, scale, bottom, top, columns, rows, size, buf):
+def set_out(turn, start, x0, y0, t, grid, columns, rows, size, buf):
     # clip the rays of a group of pixels to the field's box, from camera depth t on -> first column and row of the group
+    low, scale, bottom, top = grid[0], grid[1], grid[2], grid[3]
     first_i, first_j = 0.0, 0.0
     for axis in range(2):
         at = start[axis] + t * (
@@ -289,9 +290,7 @@ def search_exact(pairs, nodes, plan, grid, start, turn, front, whole, window, ou
         eye_depth = 1e-9 / max(fast, 1.0)
         for group in range(TILE // LANES):
             gx, gy = x0 + float(group % (WIDTH // ACROSS) * ACROSS), y0 + float(group // (WIDTH // ACROSS) * DOWN)
-            first_i, first_j = set_out(
-                turn, start, gx, gy, t, grid[0], grid[1], grid[2], grid[3], columns, rows, first_size, buf
-            )
+            first_i, first_j = set_out(turn, start, gx, gy, t, grid, columns, rows, first_size, buf)
             going = ONE
             while going > ZERO:
                 while going > ZERO:
