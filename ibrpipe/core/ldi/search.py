@@ -5,6 +5,10 @@ one that it may hit, and meets the patches of a cell exactly. See :mod:`ibrpipe.
 
 Symbols: p, q in [0, 1] place in a cell; ``g(s) = d(s) - bilinear(p(s), q(s))``, a hit is a root of g; a *front* hit is
 a root where g rises (the ray passes to greater depth).
+
+Packed arguments: ``place`` (u, v, d) of a ray at s = 0 and ``way`` (du, dv, dd) to s = 1; ``corners`` (a, b, c, e)
+depths at (0, 0), (1, 0), (0, 1), (1, 1); ``pyramid`` (nodes, meta, grid), grid = (lowest depth, steps per depth);
+``leaves`` (height, cells, corners, masks): see renderers.search.quadtree.Sheet; ``view`` (start (4,), turn (4, 3)).
 """
 
 from __future__ import annotations
@@ -36,8 +40,11 @@ def accept_root(s, least, slope, front, mask, p, q, slack):
 
 
 @fused
-def meet_patch(a, b, c, e, mask, p, q, d, dp, dq, dd, least, front, slack):
-    # patch corner depths a (0, 0), b (1, 0), c (0, 1), e (1, 1); ray (p, q, d) + s (dp, dq, dd) -> nearest s or inf
+def meet_patch(corners, mask, place, way, least, front, slack):
+    # place, way: in the coordinates of the cell -> nearest s or inf
+    a, b, c, e = corners
+    p, q, d = place
+    dp, dq, dd = way
     twist = a - b - c + e
     A = -twist * dp * dq
     B = dd - ((b - a) * dp + (c - a) * dq + twist * (p * dq + q * dp))
@@ -58,29 +65,31 @@ def meet_patch(a, b, c, e, mask, p, q, d, dp, dq, dd, least, front, slack):
 
 
 @fused
-def meet_cell(height, cells, corners, masks, column, row, columns, u, v, d, du, dv, dd, near, front, slack):
-    # nearest (s, patch) in the cell, s = inf if none; near: camera depth at s = 0, where the eye itself is no hit;
-    # height, cells, corners, masks: see renderers.fields.Field
-    p, q = u - column, v - row
+def meet_cell(leaves, column, row, columns, place, way, near, front, slack):
+    # nearest (s, patch) in the cell, s = inf if none; near: camera depth at s = 0, where the eye itself is no hit
+    height, cells, corners, masks = leaves
+    here = (place[0] - column, place[1] - row, place[2])
     least = -OVERLAP if near > 0.0 else OVERLAP
     patch = row * columns + column
     if cells.shape[0] == 0:
         a, b = float(height[row, column]), float(height[row, column + 1])
         c, e = float(height[row + 1, column]), float(height[row + 1, column + 1])
-        return meet_patch(a, b, c, e, 15, p, q, d, du, dv, dd, least, front, slack), patch
+        return meet_patch((a, b, c, e), 15, here, way, least, front, slack), patch
     patch = np.int64(cells[patch])
     if patch < 0:
         return np.inf, patch
     a, b = float(corners[patch, 0]), float(corners[patch, 1])
     c, e = float(corners[patch, 2]), float(corners[patch, 3])
-    return meet_patch(a, b, c, e, masks[patch], p, q, d, du, dv, dd, least, front, slack), patch
+    return meet_patch((a, b, c, e), masks[patch], here, way, least, front, slack), patch
 
 
 @helper
-def walk_ray(nodes, meta, height, cells, corners, masks, columns, rows, grid, u, v, d, du, dv, dd, near_t, front):
-    # grid = (lowest depth, steps per depth); ray from s = 0 to 1 -> (s, patch, column, row); s = inf for a miss;
-    # near_t: as near in meet_cell
+def walk_ray(pyramid, leaves, columns, rows, place, way, near_t, front):
+    # ray from s = 0 to 1 -> (s, patch, column, row); s = inf for a miss; near_t: as near in meet_cell
+    nodes, meta, grid = pyramid
     low, scale = grid
+    u, v, d = place
+    du, dv, dd = way
     right, below = (1 if du > 0.0 else 0), (1 if dv > 0.0 else 0)
     i, j = min(max(int(u), 0), columns - 1), min(max(int(v), 0), rows - 1)
     level, top, s = len(meta) - 1, len(meta) - 1, 0.0
@@ -98,9 +107,7 @@ def walk_ray(nodes, meta, height, cells, corners, masks, columns, rows, grid, u,
             if level > 0:
                 level -= 1
                 continue
-            hit, patch = meet_cell(
-                height, cells, corners, masks, i, j, columns, u, v, d, du, dv, dd, near_t, front, OVERLAP
-            )
+            hit, patch = meet_cell(leaves, i, j, columns, place, way, near_t, front, OVERLAP)
             if hit < np.inf:
                 return hit, patch, i, j
         if leave >= 1.0:
@@ -117,11 +124,10 @@ def walk_ray(nodes, meta, height, cells, corners, masks, columns, rows, grid, u,
 
 
 @kernel
-def search_field(
-    start, turn, box, grid, front, nodes, meta, height, cells, corners, masks, window, base, depth, ids
-):  # fmt: skip
-    # start (4,), turn (4, 3), box (4,): see rays; window (x0, x1, y0, y1) pixels; depth (h, w) f32 and ids (h, w) u32
-    # are lowered in place: nearest hit, at equal depth the least id; a hit's id is base + its patch (or cell) number
+def search_field(view, box, pyramid, leaves, front, window, base, depth, ids):
+    # box (4,): see rays; window (x0, x1, y0, y1) pixels; depth (h, w) f32 and ids (h, w) u32 are lowered in place:
+    # nearest hit, at equal depth the least id; a hit's id is base + its patch (or cell) number
+    start, turn = view
     columns, rows = int(box[0]), int(box[1])
     for y in prange(window[2], window[3]):
         for x in range(window[0], window[1]):
@@ -137,8 +143,6 @@ def search_field(
             u, v, d = (start[0] + near * dx) / qa, (start[1] + near * dy) / qa, (start[2] + near * dn) / qa
             du, dv = (start[0] + far * dx) / qb - u, (start[1] + far * dy) / qb - v
             dd = (start[2] + far * dn) / qb - d
-            s, patch, _, _ = walk_ray(
-                nodes, meta, height, cells, corners, masks, columns, rows, grid, u, v, d, du, dv, dd, near, front
-            )
+            s, patch, _, _ = walk_ray(pyramid, leaves, columns, rows, (u, v, d), (du, dv, dd), near, front)
             if s < np.inf:
                 improve(depth, ids, y, x, depth_at(s, near, far, qa, qb), np.uint32(base + patch))

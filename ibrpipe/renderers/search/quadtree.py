@@ -49,12 +49,12 @@ class Sheet:
         """Lower `depth` (h, w) float32 and `ids` (h, w) uint32 where this sheet is hit nearer."""
         if not self.box[2] <= self.box[3]:
             return
-        start, turn = self.place.rays(camera)
         front = bool(len(self.leaves[1]))
         window = np.array([0, camera.width, 0, camera.height])
+        pyramid = (self.nodes, self.meta, self.grid)
         search_field(
-            start, turn, self.box, self.grid, front, self.nodes, self.meta, *self.leaves, window, self.base, depth, ids
-        )
+            self.place.rays(camera), self.box, pyramid, self.leaves, front, window, self.base, depth, ids
+        )  # fmt: skip
 
 
 def build_sheets(field: Field, base: int) -> list[Sheet]:
