@@ -123,9 +123,9 @@ def _project(scene: Scene, camera: Camera) -> tuple[Array, Array]:
     if len(memory) < parts * columns * rows:
         memory = np.empty(parts * columns * rows, np.int64)
     keys = memory[: parts * columns * rows].reshape(parts, columns * rows)
-    project.project_patches(
-        *scene.blocks.arrays, pixels, pack_rays(starts, turns), eyes, signs, perspective, columns, rows, keys
-    )
+    views = (pixels, pack_rays(starts, turns), eyes, signs, perspective)
+    blocks = scene.blocks
+    project.project_patches(blocks.patches, blocks.blocks, blocks.bounds, views, (columns, rows), keys)
     depth, ids = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.uint32)
     project.merge_pictures(keys, columns, depth, ids)
     scene.pictures.append(memory)
@@ -141,10 +141,8 @@ def _project_heights(scene: Scene, camera: Camera, depth: Array, ids: Array) -> 
         start, turn = field.place.rays(camera)
         rows, columns = field.height.shape
         descending = (bool(start[1] > 0.5 * rows), bool(start[0] > 0.5 * columns))
-        project_heights.project_heights(
-            field.height, field.low, field.high, field.place.pixels(camera), pack_rays(start, turn), EYE * field.reach,
-            descending, base, depths, numbers,
-        )  # fmt: skip
+        view = (field.place.pixels(camera), pack_rays(start, turn), EYE * field.reach)
+        project_heights.project_heights(field.height, field.low, field.high, view, descending, base, depths, numbers)
     if parts > 1:
         project_heights.merge(depths, numbers)
     depth[:], ids[:] = depths[0], numbers[0]

@@ -8,6 +8,10 @@ that no ray slips between two.
 
 Symbols: t camera depth; (u, v, d) = P + t Q; F = d - height at the ends of a cell's way; A coefficient of the square
 when the way is counted from 0 to 1.
+
+Packed arguments: ``field`` (flat (H * stride,) f32 heights, NaN = hole, stride); ``pyramid`` (nodes, meta, grid), see
+quadtree, grid = (lowest depth, depth per step); ``size`` (columns, rows) of cells; P (P0, P1, P2), Q (q0, q1, q2) and
+``inverse`` (1 / q0, 1 / q1) of one ray.
 """
 
 from __future__ import annotations
@@ -226,8 +230,9 @@ def find_late(work):
 
 
 @fused
-def walk_on(x, y, lane, flat, stride, nodes, meta, grid, P0, P1, P2, turn, columns, rows, rays, work):
+def walk_on(x, y, lane, field, pyramid, P, turn, size, rays, work):
     # walk the ray of one pixel on from its cell
+    P0, P1, _ = P
     px, py, i0, i1, near, far = (
         x + 0.5,
         y + 0.5,
@@ -244,7 +249,7 @@ def walk_on(x, y, lane, flat, stride, nodes, meta, grid, P0, P1, P2, turn, colum
     if work[ec.CJ + lane] != work[ec.BJ + lane]:
         t0 = max(t0, min((j - P1) * i1, (j + 1 - P1) * i1))
     t0, t1, f0, f1, bend, i, j = walk(
-        flat, stride, nodes, meta, grid, P0, P1, P2, q0, q1, q2, i0, i1, min(t0, t1), far, np.nan, i, j, columns, rows
+        field, pyramid, P, (q0, q1, q2), (i0, i1), min(t0, t1), far, np.nan, i, j, size
     )  # fmt: skip
     if i >= 0:
         work[HIT + lane], work[ec.CI + lane], work[ec.CJ + lane] = hit_between(t0, t1, f0, f1, bend), i, j
@@ -260,11 +265,14 @@ def max_level(sectors):
 
 
 @kernel
-def cast_heights(flat, stride, nodes, meta, grid, start, turn, box, eye, sectors, table, base, parts, depth, ids):
-    # flat (H * stride,) f32 heights, NaN = hole; nodes, meta: see quadtree; grid (2,): lowest depth, depth per step;
-    # start (4,), turn (4, 3): parallel rays; box: columns, rows, least d,
-    # greatest d; eye: camera depth that still belongs to the eye; sectors, table: see epipolar_sweep;
-    # depth (h, w) f32 and ids (h, w) u32 are lowered in place; a hit's id is base + its cell
+def cast_heights(field, pyramid, view, box, eye, lines, base, parts, depth, ids):
+    # view: (start (4,), turn (4, 3)) of parallel rays; box: columns, rows, least d, greatest d; eye: camera depth that
+    # still belongs to the eye; lines: (sectors, table) of epipolar.sweep; depth (h, w) f32 and ids (h, w) u32 are
+    # lowered in place; a hit's id is base + its cell
+    flat, stride = field
+    nodes, meta, grid = pyramid
+    start, turn = view
+    sectors, table = lines
     picture_rows, picture_columns = depth.shape
     tiles_x, tiles_y = -(-picture_columns // ec.TILE_X), -(-picture_rows // ec.TILE_Y)
     room, room_32 = np.empty((parts, RAYS)), np.empty((2, parts, ec.WORK), np.float32)
@@ -313,9 +321,7 @@ def cast_heights(flat, stride, nodes, meta, grid, start, turn, box, eye, sectors
             for n in range(find_late(work)):
                 lane = int(work[ec.LANE + n])
                 x, y = x0 + lane % ec.TILE_X, y0 + lane // ec.TILE_X
-                walk_on(
-                    x, y, lane, flat, stride, nodes, meta, grid, P0, P1, P2, turn, columns, rows, rays, work
-                )  # fmt: skip
+                walk_on(x, y, lane, field, pyramid, (P0, P1, P2), turn, (columns, rows), rays, work)
             enter_hits(x0, y0, x1 - x0, y1 - y0, stride, base, work, places, depth, ids)
 
 
@@ -347,11 +353,15 @@ def crosses(number, x0, y0, x1, y1, turn):
 
 
 @fused
-def walk(
-    flat, stride, nodes, meta, grid, P0, P1, P2, q0, q1, q2, i0, i1, t0, far, F0, i, j, columns, rows
-):  # fmt: skip
+def walk(field, pyramid, P, Q, inverse, t0, far, F0, i, j, size):
     # one ray from (t0, F0) in cell (i, j) on, over blocks of cells that it passes above or below
     # -> (t0, t1, F0, F1, A, i, j) of the cell where it is hit, i = -1 for none
+    flat, stride = field
+    nodes, meta, grid = pyramid
+    P0, P1, P2 = P
+    q0, q1, q2 = Q
+    i0, i1 = inverse
+    columns, rows = size
     ai, aj = 1 if q0 > 0.0 else 0, 1 if q1 > 0.0 else 0
     last_i, last_j, top, level = int(columns) - 1, int(rows) - 1, len(meta) - 1, 1
     start, rate = (P2 - grid[0]) / grid[1], q2 / grid[1]

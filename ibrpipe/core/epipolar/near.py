@@ -8,6 +8,10 @@ At field depth d a ray is at ``(u, v) = origin + d W / g``, with W of :mod:`ibrp
 change per camera depth of d (parallel frames) or of z = -1/d (perspective ones).
 
 Symbols: P, Q of :mod:`ibrpipe.core.rays`; samples lie where u and v are whole numbers; NaN = background.
+
+Packed arguments of the sampled searches: ``raster`` (flat (rows * stride,) f32 samples, stride, steps (2,): greatest
+step within a surface, a constant and a share of the depth); ``view`` (start (4,), turn (4, 3), weight (4,): (u, v, d,
+1) to camera depth (perspective: over own z), perspective).
 """
 
 from __future__ import annotations
@@ -97,10 +101,11 @@ def cross_short(u, v, du, dv, first, last, linear, flat, rows, stride, steps):
 
 
 @kernel
-def meet_near(flat, stride, start, turn, weight, perspective, linear, within, steps, ends, eye, base, depth, ids):
-    # flat (rows * stride,) f32 samples; weight (4,): (u, v, d, 1) to camera depth (perspective: over own z); within:
-    # the eye may be within the field; ends (2,): least and greatest depth of the samples; depth (h, w) f32 and ids
-    # (h, w) u32 are lowered in place
+def meet_near(raster, view, linear, within, ends, eye, base, depth, ids):
+    # within: the eye may be within the field; ends (2,): least and greatest depth of the samples; depth (h, w) f32 and
+    # ids (h, w) u32 are lowered in place
+    flat, stride, steps = raster
+    start, turn, weight, perspective = view
     rows = len(flat) // stride
     for y in prange(depth.shape[0]):
         for x in range(depth.shape[1]):

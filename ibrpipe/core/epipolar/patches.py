@@ -3,7 +3,12 @@
 Rays walk the cells in order, over blocks that they pass above or below, and meet every patch of a cell. Frames may be
 parallel or perspective: a column ``u = i`` is crossed at ``t = (i P_q - P_x) / (Q_x - i Q_q)``.
 
-Symbols: :mod:`ibrpipe.core.rays`; starts: first patch of every cell.
+Symbols: :mod:`ibrpipe.core.rays`.
+
+Packed arguments: ``patches`` (starts (cells + 1,) i64 first patch of every cell, corners (P, 4) f32, masks (P,) u8);
+``pyramid`` (nodes, meta, grid), grid = (lowest depth, depth per step); ``view`` (rays (16,): start (4,), then turn
+(4, 3) row by row, eye: camera depth that still belongs to the eye); ``pixel`` (px, py) the middle of a pixel;
+``depths`` (least, greatest).
 """
 
 from __future__ import annotations
@@ -14,12 +19,46 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.epipolar import lines as el
-from ibrpipe.core.jit import helper, kernel
-from ibrpipe.core.ldi.project_heights import improve, meet_ray
+from ibrpipe.core.jit import helper, kernel, ordered
+from ibrpipe.core.ldi.project_heights import OVERLAP, improve
 from ibrpipe.core.rays import clip_box
 
 #: room about the depths of a patch, and about those of a ray in a cell, as a share of their range
 CLOSE = 1e-6
+
+
+@ordered
+def meet_ray(px, py, i, j, corners, mask, near, view):
+    # nearest hit from the front of one ray with a patch of which some quadrants count -> camera depth, inf for none;
+    # near: camera depth from which the ray is counted
+    rays, eye = view
+    a, b, c, e = corners
+    dq = rays[13] * px + rays[14] * py + rays[15]
+    du = rays[4] * px + rays[5] * py + rays[6] - i * dq
+    dv = rays[7] * px + rays[8] * py + rays[9] - j * dq
+    along_u, along_v, twist = b - a, c - a, a - b - c + e
+    dl = rays[10] * px + rays[11] * py + rays[12] - a * dq - along_u * du - along_v * dv
+    su, sv = rays[0] - i * rays[3], rays[1] - j * rays[3]
+    u, v, q = su + near * du, sv + near * dv, rays[3] + near * dq
+    height = rays[2] - a * rays[3] - along_u * su - along_v * sv + near * dl
+    A = dq * dl - twist * du * dv
+    B = q * dl + dq * height - twist * (u * dv + v * du)
+    C = q * height - twist * u * v
+    square = B * B - 4.0 * A * C
+    if not square >= 0.0:
+        return np.inf
+    w = -0.5 * (B + math.copysign(math.sqrt(square), B))
+    best = np.inf
+    for root in (C / w, w / A):
+        if root < best and near + root > eye and not 2.0 * A * root + B <= 0.0:
+            wide = q + root * dq
+            p, r, slack = u + root * du, v + root * dv, OVERLAP * wide
+            if wide > 0.0 and -slack <= p <= wide + slack and -slack <= r <= wide + slack:
+                low = p <= 0.5 * wide
+                quadrant = (1 if low else 2) if r <= 0.5 * wide else (4 if low else 8)
+                if mask & quadrant:
+                    best = root
+    return near + best
 
 
 @helper
@@ -53,17 +92,19 @@ def edge_ahead(edge, P, Q, axis, now, last, forward):
 
 
 @helper
-def meet_cell(x, y, i, j, first, last, near, least, greatest, corners, masks, rays, eye):
+def meet_cell(pixel, i, j, cell, near, depths, patches, view):
     # nearest hit with the patches of one cell that lie between two depths -> (t, patch)
+    starts, corners, masks = patches
+    least, greatest = depths
     best, number = np.inf, -1
-    for patch in range(first, last):
+    for patch in range(starts[cell], starts[cell + 1]):
         a, b = float(corners[patch, 0]), float(corners[patch, 1])
         c, e = float(corners[patch, 2]), float(corners[patch, 3])
         low, high = min(min(a, b), min(c, e)), max(max(a, b), max(c, e))
         room = CLOSE * (high - low)
         if low - room > greatest or high + room < least:
             continue
-        t = meet_ray(x, y, float(i), float(j), a, b, c, e, masks[patch], near, rays, eye, True)
+        t = meet_ray(pixel[0], pixel[1], float(i), float(j), (a, b, c, e), masks[patch], near, view)
         if t < best:
             best, number = t, patch
     return best, number
@@ -78,27 +119,26 @@ def border_side(first, last, cell):
 
 
 @helper
-def meet_cells(
-    x, y, i, j, side_i, side_j, near, least, greatest, columns, rows, starts, corners, masks, rays, eye
-):  # fmt: skip
-    # as meet_cell, with the cells beyond the borders that the ray runs along
+def meet_cells(pixel, i, j, sides, size, near, depths, patches, view):
+    # as meet_cell, with the cells beyond the borders that the ray runs along; size: columns and rows of cells
+    side_i, side_j = sides
+    columns, rows = size
     best, number = np.inf, -1
     for k in range(4):
         di, dj = side_i * (k & 1), side_j * (k >> 1)
         if (k & 1 and di == 0) or (k >> 1 and dj == 0) or not (0 <= i + di < columns and 0 <= j + dj < rows):
             continue
         cell = (j + dj) * columns + i + di
-        t, patch = meet_cell(
-            x, y, i + di, j + dj, starts[cell], starts[cell + 1], near, least, greatest, corners, masks, rays, eye
-        )  # fmt: skip
+        t, patch = meet_cell(pixel, i + di, j + dj, cell, near, depths, patches, view)
         if t < best:
             best, number = t, patch
     return best, number
 
 
 @helper
-def walk_cells(x, y, P, Q, near, far, starts, corners, masks, nodes, meta, grid, rays, eye):
+def walk_cells(pixel, P, Q, near, far, patches, pyramid, view):
     # -> (t, patch) of the first hit between camera depths near and far, (inf, -1) for none
+    nodes, meta, grid = pyramid
     wx, wy = P[3] * Q[0] - Q[3] * P[0], P[3] * Q[1] - Q[3] * P[1]
     ahead_i, ahead_j = 1 if wx > 0.0 else 0, 1 if wy > 0.0 else 0
     columns, rows, top, level, t = meta[0, 1], meta[0, 2], len(meta) - 1, 0, near
@@ -127,10 +167,8 @@ def walk_cells(x, y, P, Q, near, far, starts, corners, masks, nodes, meta, grid,
             continue
         if not passes:
             slack += CLOSE * (farthest - nearest)
-            hit, patch = meet_cells(
-                x, y, i, j, side_i, side_j, t, nearest - slack, farthest + slack, columns, rows, starts, corners, masks,
-                rays, eye,
-            )  # fmt: skip
+            depths = (nearest - slack, farthest + slack)
+            hit, patch = meet_cells(pixel, i, j, (side_i, side_j), (columns, rows), t, depths, patches, view)
             if patch >= 0:
                 return hit, patch
         if t1 >= far:
@@ -148,11 +186,11 @@ def walk_cells(x, y, P, Q, near, far, starts, corners, masks, nodes, meta, grid,
 
 
 @kernel
-def cast_patches(
-    starts, corners, masks, nodes, meta, grid, start, turn, box, eye, sectors, table, base, parts, depth, ids
-):  # fmt: skip
-    # starts (cells + 1,) i64; corners (P, 4) f32, masks (P,) u8; box: columns, rows, least d, greatest d; other
-    # arguments as of epipolar_cast.cast_heights; a hit's id is base + its patch
+def cast_patches(patches, pyramid, view, box, eye, lines, base, parts, depth, ids):
+    # view: (start (4,), turn (4, 3)); box: columns, rows, least d, greatest d; lines: (sectors, table) of
+    # epipolar.sweep; depth (h, w) f32 and ids (h, w) u32 are lowered in place; a hit's id is base + its patch
+    start, turn = view
+    sectors, table = lines
     rows, columns = depth.shape
     for part in prange(parts):
         rays, Q = np.empty(16), np.empty(4)
@@ -170,8 +208,6 @@ def cast_patches(
                 near = max(near, start_of(px, py, start, Q, sectors, table))
                 if not near <= far:
                     continue
-                t, patch = walk_cells(
-                    x, y, start, Q, near, far, starts, corners, masks, nodes, meta, grid, rays, eye
-                )  # fmt: skip
+                t, patch = walk_cells((px, py), start, Q, near, far, patches, pyramid, (rays, eye))
                 if patch >= 0:
                     improve(depth, ids, y, x, t, np.uint32(base + patch))

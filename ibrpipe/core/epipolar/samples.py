@@ -7,6 +7,8 @@ pixel's own ray (the paper's future work, sec. 8). Where neighbours may be apart
 sample is a level tile as wide as a texel, and a step between two tiles of one surface is met as well.
 
 Symbols: see :mod:`ibrpipe.core.epipolar.lines`; samples lie where along and across are whole numbers; NaN = background.
+Packed arguments: see :mod:`ibrpipe.core.epipolar.near`; ``layout`` (first, along_step, across_step): place in `flat` of
+a sector's first sample, steps to the next column and row; ``lines`` (sectors, table) of a sweep.
 """
 
 from __future__ import annotations
@@ -50,10 +52,9 @@ def across_rows(upper, lower, share, steps):
 
 
 @fused
-def sample_columns(
-    number, start, count, middle, breadth, first, along_step, across_step, edges, linear, steps, flat, work
-):  # fmt: skip
+def sample_columns(number, start, count, middle, breadth, layout, edges, linear, steps, flat, work):
     # depth at the far column of the sample of each column, NaN = background
+    first, along_step, across_step = layout
     for k in range(count):
         place = middle * edges[number, 0, start + k] + edges[number, 1, start + k]
         row = np.floor(place if linear else place + 0.5)
@@ -121,9 +122,8 @@ def sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, ga
         base, along_step = (columns - 1) * along_step, -along_step
     for start in range(0, columns, CHUNK):
         count = min(CHUNK, columns - start)
-        sample_columns(
-            number, start, count, middle, breadth, base, along_step, across_step, edges, linear, steps, flat, work
-        )  # fmt: skip
+        layout = (base, along_step, across_step)
+        sample_columns(number, start, count, middle, breadth, layout, edges, linear, steps, flat, work)
         if tiles:
             there = span_tiles(number, start, count, columns, there, edges, steps, work)
         for k in range(0 if tiles else count):
@@ -204,9 +204,13 @@ def find_columns(number, x0, y, count, start, turn, slope, reach, sectors, table
 
 
 @fused
-def meet_column(number, shift, x0, y, count, breadth, columns, start, turn, stride, linear, steps, flat, out, work):
+def meet_column(number, shift, x0, y, count, size, view, raster, linear, out, work):
     # where the pixels' rays are at the columns `shift` beyond theirs, and at `out` how far they are above the samples
-    # there; in homogeneous numbers, as a sample before a ray's vanishing point may be met at a column beyond it
+    # there; in homogeneous numbers, as a sample before a ray's vanishing point may be met at a column beyond it; size:
+    # last row across, columns along
+    breadth, columns = size
+    start, turn, _, _ = view
+    flat, stride, steps = raster
     axis, other = number >> 1, 1 - (number >> 1)
     backward = (number & 1) == 1
     along_step, across_step = (stride, 1) if axis == 1 else (1, stride)
@@ -283,12 +287,12 @@ def cross_between(number, x0, y, count, columns, start, turn, tiles, work):
 
 
 @kernel
-def pick_samples(
-    flat, stride, start, turn, weight, sectors, table, perspective, linear, steps, reach, eye, base, parts, depth, ids
-):  # fmt: skip
-    # weight (4,): (u, v, d, 1) to camera depth (perspective: over own z); reach: range of depths; depth (h, w) f32 and
-    # ids (h, w) u32 are lowered in place; a hit's id is base + its sample (linear: the upper or left one of those it
-    # lies between)
+def pick_samples(raster, view, lines, linear, reach, eye, base, parts, depth, ids):
+    # reach: range of depths; depth (h, w) f32 and ids (h, w) u32 are lowered in place; a hit's id is base + its sample
+    # (linear: the upper or left one of those it lies between)
+    _, stride, steps = raster
+    start, turn, weight, perspective = view
+    sectors, table = lines
     rows, columns = depth.shape
     slope, tiles = 3 if perspective else 2, steps[0] < np.inf
     for part in prange(parts):
@@ -305,16 +309,14 @@ def pick_samples(
                     if linear:
                         for shift in range(4):
                             meet_column(
-                                number, shift - 2.0, x0, y, count, breadth, wide, start, turn, stride, True, steps,
-                                flat, shift * LANES, work,
+                                number, shift - 2.0, x0, y, count, (breadth, wide), view, raster, True, shift * LANES,
+                                work,
                             )  # fmt: skip
                         if tiles:
                             cut_steps(count, steps, work)
                         cross_between(number, x0, y, count, wide, start, turn, tiles, work)
                     else:
-                        meet_column(
-                            number, 0.0, x0, y, count, breadth, wide, start, turn, stride, False, steps, flat, 0, work
-                        )  # fmt: skip
+                        meet_column(number, 0.0, x0, y, count, (breadth, wide), view, raster, False, 0, work)
                         for k in range(count):
                             place, d = work[PLACE + k], work[UPPER + k]
                             v = np.floor((place + 0.5) / stride)

@@ -9,6 +9,11 @@ A hit is one word: the bits of its camera depth (float32, positive, so they sort
 number. The least word of a pixel wins, whatever the order of the work and the number of threads.
 
 Symbols: see :mod:`ibrpipe.core.ldi.project_heights`; kind = pixels of a piece: columns - 1 + 2 (rows - 1).
+
+Packed arguments: ``patches`` (corners (B, 4, BLOCK) f32, places (B, 2, BLOCK) f32 column and row, masks (B, BLOCK) u8,
+numbers (B, BLOCK) u32), in blocks; ``views`` (pixels (F, 3, 4), rays (F, 16): start, then turn row by row, eyes (F,):
+camera depth that still belongs to the eye, signs (F,): sign of the screen's turn where a front is seen, perspective
+(F,) bool) of all fields; ``size`` (columns, rows) of the picture; ``lists`` (counts (4,), listed, tags) by kind.
 """
 
 from __future__ import annotations
@@ -184,11 +189,12 @@ def meet_pieces(kind, count, field, rays, eye, columns, listed, tags, keys, part
 
 
 @ordered
-def list_pieces(
-    block, count, field, corners, places, masks, numbers, pixels, rays, eye, columns, rows, boxes, counts, listed, tags,
-    keys, part,
-):  # fmt: skip
+def list_pieces(block, count, field, patches, views, size, boxes, lists, keys, part):
     # cut the boxes of a block's patches into pieces and list them; lists that are full are met
+    corners, places, masks, numbers = patches
+    pixels, rays, eyes, _, _ = views
+    columns, rows = size
+    counts, listed, tags = lists
     for k in range(count):
         if boxes[X0, k] > boxes[X1, k]:
             continue
@@ -211,7 +217,7 @@ def list_pieces(
                 )
                 counts[kind] += 1
                 if n + 1 == LIST:
-                    meet_pieces(kind, n + 1, field, rays, eye, columns, listed, tags, keys, part)
+                    meet_pieces(kind, n + 1, field, rays, eyes[field], columns, listed, tags, keys, part)
                     counts[kind] = 0
 
 
@@ -234,14 +240,12 @@ def beyond_picture(block, k, field, places, corners, pixels, columns, rows):
 
 
 @kernel
-def project_patches(
-    corners, places, masks, numbers, blocks, bounds, pixels, rays, eyes, signs, perspective, columns, rows, keys
-):  # fmt: skip
-    # patches of all fields in blocks: corners (B, 4, BLOCK) f32, places (B, 2, BLOCK) f32 column and row, masks
-    # (B, BLOCK) u8, numbers (B, BLOCK) u32; blocks (B, 2) i64: field, count; bounds (B, 10) f64: see skip_block; pixels
-    # (F, 3, 4), rays (F, 16): start, then turn row by row, eyes (F,): camera depth that still belongs to the eye, signs
-    # (F,) f64: sign of the screen's turn where a front is seen; perspective (F,) bool; keys (parts, rows * columns)
-    # i64: one picture per part
+def project_patches(patches, blocks, bounds, views, size, keys):
+    # blocks (B, 2) i64: field, count; bounds (B, 10) f64: see skip_block; keys (parts, rows * columns) i64: one picture
+    # per part
+    corners, places, _, _ = patches
+    pixels, rays, eyes, signs, perspective = views
+    columns, rows = size
     parts = keys.shape[0]
     for each in prange(parts):
         part = np.int64(each)  # prange counts unsigned
@@ -255,10 +259,7 @@ def project_patches(
                 bound_boxes(
                     block, count, field, corners, places, pixels, perspective[field], signs[field], columns, rows, boxes
                 )
-                list_pieces(
-                    block, count, field, corners, places, masks, numbers, pixels, rays, eyes[field], columns, rows,
-                    boxes, counts, listed, tags, keys, part,
-                )  # fmt: skip
+                list_pieces(block, count, field, patches, views, size, boxes, (counts, listed, tags), keys, part)
             if block + parts >= len(blocks) or blocks[block + parts, 0] != field:
                 for kind in range(4):
                     meet_pieces(kind, counts[kind], field, rays, eyes[field], columns, listed, tags, keys, part)

@@ -8,6 +8,11 @@ Symbols: ``pixel`` (3, 4) takes (u, v, d, 1) to homogeneous pixels (x w, y w, w)
 corner depths; on a ray all of u q - i q, v q - j q and d q - a q are linear in t, so the bilinear patch is met where a
 quadratic in t vanishes. A hit (t, id) replaces another when t is less, or equal with a lesser id: whatever the order
 of patches and the number of threads, the same one wins.
+
+Packed arguments: ``view`` (pixel (3, 4), rays (16,) f64: start (4,), then turn (4, 3) row by row, eye: camera depth
+that still belongs to the eye itself); ``corners`` (a, b, c, e) depths at (0, 0), (1, 0), (0, 1), (1, 1); ``cells`` (j,
+i0, i1): row, and columns i0 .. i1 - 1; ``vertices`` (xs, ys, ws): pixels and weights of two rows of a block's
+vertices, the upper from ``ends[0]`` on and the lower from ``ends[1]`` on; ``out`` (depth (h, w) f32, ids (h, w) u32).
 """
 
 from __future__ import annotations
@@ -32,18 +37,17 @@ BLOCK = 256
 
 
 @fused
-def list_rays(x0, y0, x1, y1, least, i, j, a, b, c, e, mask, near, number, listed, count, rays, eye, front, depth, ids):
+def list_rays(window, least, i, j, corners, near, number, listed, count, view, out):
     # put the rays of all pixels between (x0, y0) and (x1, y1), both included, on the list of those to be met with the
-    # patch of cell (i, j), corners a (0, 0), b (1, 0), c (0, 1), e (1, 1) -> how many are listed now. No hit is nearer
-    # than camera depth `least`; near: camera depth of the patch, roughly, from where ray parameters are counted
+    # patch of cell (i, j) -> how many are listed now. No hit is nearer than camera depth `least`; near: camera depth of
+    # the patch, roughly, from where ray parameters are counted
+    x0, y0, x1, y1 = window
+    a, b, c, e = corners
+    _, rays, eye = view
+    depth, ids = out
     for y in range(y0, y1 + 1):
         for x in range(x0, x1 + 1):
             if least > depth[y, x]:
-                continue
-            if mask != 15:
-                t = meet_ray(x, y, i, j, a, b, c, e, mask, near, rays, eye, front)
-                if t < np.inf:
-                    improve(depth, ids, y, x, t, number)
                 continue
             listed[count], listed[LIST + count] = x, y
             listed[2 * LIST + count], listed[3 * LIST + count] = i, j
@@ -52,18 +56,17 @@ def list_rays(x0, y0, x1, y1, least, i, j, a, b, c, e, mask, near, number, liste
             listed[8 * LIST + count], listed[9 * LIST + count] = near, number
             count += 1
             if count == LIST:
-                meet_listed(listed, count, rays, eye, front, depth, ids)
+                meet_listed(listed, count, rays, eye, depth, ids)
                 count = 0
     return count
 
 
 @ordered
-def meet_listed(listed, count, rays, eye, front, depth, ids):
-    # meet all listed rays in one loop without branches, then enter the hits; rays (16,): start (4,), then turn (4, 3)
+def meet_listed(listed, count, rays, eye, depth, ids):
+    # meet all listed rays in one loop without branches, then enter the hits
     r00, r01, r02, r10, r11, r12 = rays[4], rays[5], rays[6], rays[7], rays[8], rays[9]
     r20, r21, r22, r30, r31, r32 = rays[10], rays[11], rays[12], rays[13], rays[14], rays[15]
     s0, s1, s2, s3 = rays[0], rays[1], rays[2], rays[3]
-    any_side = not front
     for n in range(count):
         px, py = listed[n] + 0.5, listed[LIST + n] + 0.5
         i, j = listed[2 * LIST + n], listed[3 * LIST + n]
@@ -86,11 +89,9 @@ def meet_listed(listed, count, rays, eye, front, depth, ids):
         p, r, slack = u + one * du, v + one * dv, OVERLAP * wide_one
         good_one = (-slack <= p) & (-slack <= r) & (p <= wide_one + slack) & (r <= wide_one + slack)
         good_one &= (near + one > eye) & (wide_one > 0.0) & (square >= 0.0)
-        good_one &= any_side | (2.0 * A * one + B > 0.0)
         p, r, slack = u + two * du, v + two * dv, OVERLAP * wide_two
         good_two = (-slack <= p) & (-slack <= r) & (p <= wide_two + slack) & (r <= wide_two + slack)
         good_two &= (near + two > eye) & (wide_two > 0.0) & (square >= 0.0)
-        good_two &= any_side | (2.0 * A * two + B > 0.0)
         one = one if good_one else np.inf
         two = two if good_two else np.inf
         listed[10 * LIST + n] = near + (one if one < two else two)
@@ -98,38 +99,6 @@ def meet_listed(listed, count, rays, eye, front, depth, ids):
         t = listed[10 * LIST + n]
         if t < np.inf:
             improve(depth, ids, int(listed[LIST + n]), int(listed[n]), t, np.uint32(listed[9 * LIST + n]))
-
-
-@ordered
-def meet_ray(x, y, i, j, a, b, c, e, mask, near, rays, eye, front):
-    # as meet_listed, one ray with a patch of which only some quadrants count -> camera depth, inf if it is not hit
-    px, py = x + 0.5, y + 0.5
-    dq = rays[13] * px + rays[14] * py + rays[15]
-    du = rays[4] * px + rays[5] * py + rays[6] - i * dq
-    dv = rays[7] * px + rays[8] * py + rays[9] - j * dq
-    along_u, along_v, twist = b - a, c - a, a - b - c + e
-    dl = rays[10] * px + rays[11] * py + rays[12] - a * dq - along_u * du - along_v * dv
-    su, sv = rays[0] - i * rays[3], rays[1] - j * rays[3]
-    u, v, q = su + near * du, sv + near * dv, rays[3] + near * dq
-    height = rays[2] - a * rays[3] - along_u * su - along_v * sv + near * dl
-    A = dq * dl - twist * du * dv
-    B = q * dl + dq * height - twist * (u * dv + v * du)
-    C = q * height - twist * u * v
-    square = B * B - 4.0 * A * C
-    if not square >= 0.0:
-        return np.inf
-    w = -0.5 * (B + math.copysign(math.sqrt(square), B))
-    best = np.inf
-    for root in (C / w, w / A):
-        if root < best and near + root > eye and not (front and 2.0 * A * root + B <= 0.0):
-            wide = q + root * dq
-            p, r, slack = u + root * du, v + root * dv, OVERLAP * wide
-            if wide > 0.0 and -slack <= p <= wide + slack and -slack <= r <= wide + slack:
-                low = p <= 0.5 * wide
-                quadrant = (1 if low else 2) if r <= 0.5 * wide else (4 if low else 8)
-                if mask & quadrant:
-                    best = root
-    return near + best
 
 
 @inlined
@@ -208,11 +177,11 @@ def bound_blocks(height, out_low, out_high):
 
 
 @kernel
-def project_heights(height, low, high, pixel, rays, eye, descending, base, depth, ids):
-    # height (H, W) f32, NaN = hole; low, high: see bound_blocks; pixel (3, 4) f64; rays (16,) f64: start, then
-    # turn row by row (see rays); eye: camera depth that still belongs to the eye itself;
-    # descending: (bool, bool) walk rows and columns of blocks from the far end, so that near ones come first;
-    # depth (C, h, w) f32 and ids (C, h, w) u32: one picture per chunk of the work, lowered in place
+def project_heights(height, low, high, view, descending, base, depth, ids):
+    # height (H, W) f32, NaN = hole; low, high: see bound_blocks; descending: (bool, bool) walk rows and columns of
+    # blocks from the far end, so that near ones come first; depth (C, h, w) f32 and ids (C, h, w) u32: one picture
+    # per chunk of the work, lowered in place
+    pixel, rays, eye = view
     chunks, block_rows, block_columns = depth.shape[0], low.shape[0], low.shape[1]
     rows, columns = height.shape[0] - 1, height.shape[1] - 1
     m00, m01, m02, m03, m10, m11 = pixel[0, 0], pixel[0, 1], pixel[0, 2], pixel[0, 3], pixel[1, 0], pixel[1, 1]
@@ -245,18 +214,19 @@ def project_heights(height, low, high, pixel, rays, eye, descending, base, depth
                         ws[new + k] = wide
                     if j > j0:
                         count = list_row(
-                            height, j - 1, i0, i1, pixel, rays, eye, base, xs, ys, ws, old, new, boxes, listed, count,
-                            own_depth, own_ids,
+                            height, (j - 1, i0, i1), view, base, (xs, ys, ws), (old, new), boxes, listed, count,
+                            (own_depth, own_ids),
                         )  # fmt: skip
-        meet_listed(listed, count, rays, eye, False, own_depth, own_ids)
+        meet_listed(listed, count, rays, eye, own_depth, own_ids)
 
 
 @fused
-def list_row(
-    height, j, i0, i1, pixel, rays, eye, base, xs, ys, ws, old, new, boxes, listed, count, depth, ids
-):  # fmt: skip
-    # cells (j, i0 .. i1 - 1); xs, ys, ws hold their upper vertices from `old` on and their lower ones from `new` on
-    rows, columns = depth.shape
+def list_row(height, cells, view, base, vertices, ends, boxes, listed, count, out):
+    # list the rays of a row of cells -> how many are listed now
+    j, i0, i1 = cells
+    xs, ys, ws = vertices
+    old, new = ends
+    rows, columns = out[0].shape
     for k in range(i1 - i0):
         x0, x1, x2, x3 = xs[old + k], xs[old + k + 1], xs[new + k], xs[new + k + 1]
         y0, y1, y2, y3 = ys[old + k], ys[old + k + 1], ys[new + k], ys[new + k + 1]
@@ -276,16 +246,17 @@ def list_row(
             left, right = int(boxes[k]), int(boxes[BLOCK + k])
             top, bottom = int(boxes[2 * BLOCK + k]), int(boxes[3 * BLOCK + k])
         elif whole:
-            left, right, top, bottom = window_of_cell(height, j, i0 + k, pixel, rows, columns)
+            left, right, top, bottom = window_of_cell(height, j, i0 + k, view[0], rows, columns)
             least = 0.0
         else:
             continue
         i = i0 + k
         a, b = float(height[j, i]), float(height[j, i + 1])
         c, e = float(height[j + 1, i]), float(height[j + 1, i + 1])
+        number = np.uint32(base + j * (height.shape[1] - 1) + i)
         count = list_rays(
-            left, top, right, bottom, least * (1.0 - 1e-6), float(i), float(j), a, b, c, e, 15, near,
-            np.uint32(base + j * (height.shape[1] - 1) + i), listed, count, rays, eye, False, depth, ids,
+            (left, top, right, bottom), least * (1.0 - 1e-6), float(i), float(j), (a, b, c, e), near, number, listed,
+            count, view, out,
         )  # fmt: skip
     return count
 

@@ -115,20 +115,16 @@ def cast_raster(raster: Raster, camera: Camera, search: str, base: int, depth: A
         0.0,
     )  # fmt: skip
     flat, linear, parts = raster.depth.ravel(), search == "linear", numba.get_num_threads()
-    near.meet_near(
-        flat, columns, start, turn, pixels[2], raster.place.perspective, linear, _within(raster, start), raster.steps,
-        raster.ends, raster.eye, base, depth, ids,
-    )  # fmt: skip
+    own, view = (flat, columns, raster.steps), (start, turn, pixels[2], raster.place.perspective)
+    near.meet_near(own, view, linear, _within(raster, start), raster.ends, raster.eye, base, depth, ids)
     groups = np.zeros(5, np.int64)
     groups[1:] = np.cumsum(-(-sectors[:, lines.LINES].astype(np.int64) // sweep.GROUP))
     if not groups[4]:
         return 0
     table = borrow("epipolar table", entries, np.float32, np.inf)
     samples.sweep_samples(sectors, edges, flat, columns, linear, raster.gaps, raster.steps, groups, parts, table)
-    samples.pick_samples(
-        flat, columns, start, turn, pixels[2], sectors, table, raster.place.perspective, linear,
-        raster.steps, raster.ends[1] - raster.ends[0], raster.eye, base, parts, depth, ids,
-    )  # fmt: skip
+    reach = raster.ends[1] - raster.ends[0]
+    samples.pick_samples(own, view, (sectors, table), linear, reach, raster.eye, base, parts, depth, ids)
     return int(sectors[:, lines.LINES].sum())
 
 

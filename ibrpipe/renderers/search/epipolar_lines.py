@@ -29,8 +29,9 @@ BESIDE = FirstCall(
     (
         Kernel(
             "epipolar.cast", "cast_heights",
-            "(float32[::1], int64, uint32[::1], int64[:,::1], float64[::1], float64[::1], float64[:,::1], "
-            "float64[::1], float64, float64[:,::1], float32[::1], int64, int64, float32[:,::1], uint32[:,::1])",
+            "(Tuple((float32[::1], int64)), Tuple((uint32[::1], int64[:,::1], float64[::1])), "
+            "Tuple((float64[::1], float64[:,::1])), float64[::1], float64, Tuple((float64[:,::1], float32[::1])), "
+            "int64, int64, float32[:,::1], uint32[:,::1])",
         ),
     ),
     meanwhile=(  # colours of `ldi` and `epipolar`, then of `relief`
@@ -149,18 +150,13 @@ def sweep_map(
 def cast_map(one: Map, camera: Camera, depth: Array, ids: Array) -> int:
     """Lower `depth` and `ids` where one map is hit nearer; return how many lines were swept."""
     field, parts = one.field, numba.get_num_threads()
-    start, turn = field.place.rays(camera)
-    sectors, table = sweep_map(one, camera)
+    pyramid, view, swept = (one.nodes, one.meta, one.grid), field.place.rays(camera), sweep_map(one, camera)
     eye = EYE * field.reach
     if isinstance(field, HeightField):
         BESIDE.wait()
-        cast.cast_heights(
-            field.height.ravel(), field.height.shape[1], one.nodes, one.meta, one.grid, start, turn, one.box, eye,
-            sectors, table, one.base, parts, depth, ids,
-        )  # fmt: skip
+        heights = (field.height.ravel(), field.height.shape[1])
+        cast.cast_heights(heights, pyramid, view, one.box, eye, swept, one.base, parts, depth, ids)
     else:
-        epipolar_patches.cast_patches(
-            one.starts, field.corners, field.masks, one.nodes, one.meta, one.grid, start, turn, one.box, eye,
-            sectors, table, one.base, parts, depth, ids,
-        )  # fmt: skip
-    return int(sectors[:, lines.LINES].sum())
+        listed = (one.starts, field.corners, field.masks)
+        epipolar_patches.cast_patches(listed, pyramid, view, one.box, eye, swept, one.base, parts, depth, ids)
+    return int(swept[0][:, lines.LINES].sum())

@@ -27,9 +27,9 @@ class Blocks:
     bounds: Array
 
     @property
-    def arrays(self) -> tuple[Array, ...]:
-        """All arrays, in the kernel's order."""
-        return self.corners, self.places, self.masks, self.numbers, self.blocks, self.bounds
+    def patches(self) -> tuple[Array, Array, Array, Array]:
+        """Corners, places, masks and numbers, as the kernel takes them."""
+        return self.corners, self.places, self.masks, self.numbers
 
 
 def pack_blocks(fields: Sequence[PatchField]) -> Blocks:
