@@ -87,7 +87,7 @@ class PhotoSet:
         code, count = np.empty((len(points), 3), np.float32), np.empty(len(points), np.int32)
         points, normals = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(normals, np.float32)
         directions = np.ascontiguousarray(directions, np.float64)
-        blend_photos(points, normals, directions, *self._arrays, COS_MIN, DEPTH_SLACK, code, count)
+        blend_photos(points, normals, directions, self._arrays, COS_MIN, DEPTH_SLACK, code, count)
         return code, count
 
     def diffuse(self, points: Array, normals: Array, bins: int = 128, statistic: int = 0) -> tuple[Array, Array, Array]:
@@ -103,7 +103,7 @@ class PhotoSet:
         count = np.empty(len(points), np.int32)
         points, normals = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(normals, np.float32)
         top = max(1.0, float(self.code.max()))
-        diffuse_colors(points, normals, *self._arrays, COS_MIN, DEPTH_SLACK, top, bins, statistic, color, spread, count)
+        diffuse_colors(points, normals, self._arrays, COS_MIN, DEPTH_SLACK, top, bins, statistic, color, spread, count)
         return srgb_decode(color), spread, count
 
 

@@ -70,25 +70,23 @@ def reduce_channel(values, count, top, bins, statistic):
 
 @kernel
 def diffuse_colors(
-    points, normals, projection, centers, sizes, starts, color, depth, mask, cos_min, slack, top, bin_count, statistic,
-    out_color, out_spread, out_count
+    points, normals, photos, cos_min, slack, top, bin_count, statistic, out_color, out_spread, out_count
 ):  # fmt: skip
     """Reduce the colours of all photos that see each point to one diffuse colour."""
-    # points (N, 3) f64, normals (N, 3) f32; photo arrays as in photo_blend.blend_photos
+    # points (N, 3) f64, normals (N, 3) f32; photos: see photo_blend
     # top f64: largest colour; bin_count i64; statistic MEDIAN, MEAN or MODE
     # out_color (N, 3) f32 display code, NaN where unseen; out_spread (N,) f32: mean over photos and channels of
     # |colour - diffuse|; out_count (N,) i32 photos used
-    photos = len(centers)
+    projection, centers, sizes, starts, color, depth, mask = photos
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
-        seen = np.empty((2, 3, photos))
+        packed = projection, centers, sizes, starts, color, depth, mask
+        seen = np.empty((2, 3, len(centers)))
         bins, corners = np.empty(bin_count, np.int32), np.empty((1, 4, 2))
         for i in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
             clean, usable = 0, 0
-            for p in range(photos):
-                quality = see(
-                    points[i, 0], points[i, 1], points[i, 2], normals[i, 0], normals[i, 1], normals[i, 2], p,
-                    projection, centers, sizes, starts, depth, mask, cos_min, slack, corners, 0
-                )  # fmt: skip
+            point, normal = (points[i, 0], points[i, 1], points[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
+            for p in range(len(centers)):
+                quality = see(point, normal, p, packed, cos_min, slack, corners, 0)
                 if quality == CLEAN:
                     red, green, blue = fetch(color, corners, 0)
                     seen[0, 0, clean], seen[0, 1, clean], seen[0, 2, clean] = red, green, blue

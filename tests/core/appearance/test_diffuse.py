@@ -17,7 +17,7 @@ def reduced(photos, points, normals, statistic="median", bins=128, top=1.0):
     color, spread = np.empty((len(points), 3), np.float32), np.empty(len(points), np.float32)
     count = np.empty(len(points), np.int32)
     arrays = photo_twin.packed(photos)
-    diffuse_colors(points, normals, *arrays, 0.05, 2.0, top, bins, STATISTICS[statistic], color, spread, count)
+    diffuse_colors(points, normals, arrays, 0.05, 2.0, top, bins, STATISTICS[statistic], color, spread, count)
     return color, spread, count
 
 

@@ -16,7 +16,7 @@ COS_MIN, SLACK = 0.05, 2.0
 
 def blended(photos, points, normals, directions, cos_min=COS_MIN, slack=SLACK):
     color, count = np.empty((len(points), 3), np.float32), np.empty(len(points), np.int32)
-    blend_photos(points, normals, directions, *photo_twin.packed(photos), cos_min, slack, color, count)
+    blend_photos(points, normals, directions, photo_twin.packed(photos), cos_min, slack, color, count)
     return color, count
 
 
@@ -26,14 +26,14 @@ def unit(vectors):
 
 def test_visibility_as_twin():
     photos = random_photos(5, 1)
-    projection, centers, sizes, starts, color, depth, mask = photo_twin.packed(photos)
+    packed = photo_twin.packed(photos)
     points, normals = random_points(200, 2)
     counts = dict.fromkeys(NAMES, 0)
     for point, normal in zip(points, normals):
         for p, photo in enumerate(photos):
             filled = np.zeros((2, 4, 2))
-            args = p, projection, centers, sizes, starts, depth, mask, COS_MIN, SLACK, filled, 1
-            quality = see(*point, *normal.astype(float), *args)
+            place, upward = tuple(point), tuple(normal.astype(float))
+            quality = see(place, upward, p, packed, COS_MIN, SLACK, filled, 1)
             corners = filled[1]
             assert not filled[0].any()
             name, wanted = photo_twin.seen_color(photo, point, normal, COS_MIN, SLACK)
@@ -41,7 +41,7 @@ def test_visibility_as_twin():
             assert quality == NAMES[name]
             if quality != HIDDEN:
                 assert corners[:, 1].sum() == pytest.approx(1.0)
-                got = (corners[:, 1:] * color[corners[:, 0].astype(int)]).sum(axis=0)
+                got = (corners[:, 1:] * packed[4][corners[:, 0].astype(int)]).sum(axis=0)
                 np.testing.assert_allclose(got, wanted, atol=1e-6)
     assert min(counts.values()) > 30
 
