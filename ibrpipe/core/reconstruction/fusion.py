@@ -6,6 +6,9 @@ taken at the nearest pixel, and neighbours that look through the point count aga
 
 Maps are packed: map m owns pixels ``starts[m]`` to ``starts[m + 1]``, row-major, of size ``sizes[m] = (H, W)``. Map 0
 is the view itself, the others are its neighbours. z: depth along the own camera's axis; X = center + z * ray.
+
+Kernels take the maps' cameras as the tuple ``cameras``: starts (M + 1,) i64; sizes (M, 2) i64; projection (M, 3, 4)
+f64, pixels from world; rays (M, 3, 3) f64, world directions of camera depth 1 from pixels; centers (M, 3) f64.
 """
 
 import math
@@ -49,8 +52,10 @@ def ray_of(rays, m, x, y):
 
 
 @helper
-def depth_on_plane(m, index, starts, sizes, rays, centers, depth, normal, ox, oy, oz, dx, dy, dz):
-    """Return where the ray o + z d meets the tangent plane of a packed pixel of map m; NaN where too flat."""
+def depth_on_plane(m, index, cameras, depth, normal, start, way):
+    """Return where the ray start + z way meets the tangent plane of a packed pixel of map m; NaN where too flat."""
+    starts, sizes, _, rays, centers = cameras
+    (ox, oy, oz), (dx, dy, dz) = start, way
     local = index - starts[m]
     x, y = local % sizes[m, 1] + 0.5, local // sizes[m, 1] + 0.5
     rx, ry, rz = ray_of(rays, m, x, y)
@@ -64,18 +69,18 @@ def depth_on_plane(m, index, starts, sizes, rays, centers, depth, normal, ox, oy
 
 
 @kernel
-def fuse_view(
-    depth, normal, confidence, starts, sizes, projection, rays, centers, settings, used, out_mean, out_normal, out_votes
-):  # fmt: skip
+def fuse_view(depth, normal, confidence, cameras, settings, used, out_mean, out_normal, out_votes):
     """Confirm every pixel of map 0 by the other maps."""
     # depth (T,) f32, scene units along camera z, 0 = unknown; normal (T, 3) f32 world; confidence (T,) f32 0..1
-    # starts (M + 1,) i64; sizes (M, 2) i64; projection (M, 3, 4), rays (M, 3, 3), centers (M, 3) f64
+    # cameras: see above
     # settings (4,) f64: most disparity in pixels, most relative depth, least cosine of normals, least votes
     # used (T,) u8: set to 1 at the neighbours' pixels that a confirmed pixel stands for (only ever set, never cleared)
     # out_mean (H, W, 2) f32: mean depth and confidence; out_normal (H, W, 3) f32 mean, unit
     # out_votes (H, W, 2) i32: maps that agree, itself included, and maps that look through the point
+    starts, sizes, projection, rays, centers = cameras
     height, width = sizes[0, 0], sizes[0, 1]
     for row in prange(height):
+        packed = starts, sizes, projection, rays, centers
         for column in range(width):
             index = starts[0] + row * width + column
             z = float(depth[index])
@@ -85,15 +90,13 @@ def fuse_view(
                 out_normal[row, column, c] = normal[index, c]
             if not z > 0.0:
                 continue
-            dx, dy, dz = ray_of(rays, 0, column + 0.5, row + 0.5)
+            way = ray_of(rays, 0, column + 0.5, row + 0.5)
             weight = max(float(confidence[index]), 1e-3)
             total, mean, unsure = weight, weight * z, 1.0 - min(float(confidence[index]), 0.999)
             nx, ny, nz = weight * normal[index, 0], weight * normal[index, 1], weight * normal[index, 2]
             votes, through = 1, 0
             for m in range(1, sizes.shape[0]):
-                verdict, other, there = judge(
-                    m, z, index, dx, dy, dz, depth, normal, starts, sizes, projection, rays, centers, settings
-                )  # fmt: skip
+                verdict, other, there = judge(m, z, index, way, depth, normal, packed, settings)
                 if verdict < 0:
                     through += 1
                 elif verdict > 0:
@@ -115,22 +118,22 @@ def fuse_view(
                 out_normal[row, column, 2] = nz / length
             if votes >= settings[LEAST] and votes > through and used[index] == 0:
                 for m in range(1, sizes.shape[0]):
-                    verdict, other, there = judge(
-                    m, z, index, dx, dy, dz, depth, normal, starts, sizes, projection, rays, centers, settings
-                )  # fmt: skip
+                    verdict, other, there = judge(m, z, index, way, depth, normal, packed, settings)
                     if verdict > 0:
                         used[there] = 1
 
 
 @helper
-def judge(m, z, own, dx, dy, dz, depth, normal, starts, sizes, projection, rays, centers, settings):
-    """Ask map m about the point at depth z along d: 1 agrees, -1 looks through, 0 cannot say; its depth; its pixel."""
+def judge(m, z, own, way, depth, normal, cameras, settings):
+    """Ask map m about the point at depth z along a ray: 1 agrees, -1 looks through, 0 cannot say; its depth, pixel."""
+    starts, sizes, projection, _, centers = cameras
     ox, oy, oz = centers[0, 0], centers[0, 1], centers[0, 2]
+    dx, dy, dz = way
     x, y, seen = project(projection, m, ox + z * dx, oy + z * dy, oz + z * dz)
     there = pixel_of(x, y, starts, sizes, m)
     if there < 0 or not depth[there] > 0.0:
         return 0, 0.0, -1
-    other = depth_on_plane(m, there, starts, sizes, rays, centers, depth, normal, ox, oy, oz, dx, dy, dz)
+    other = depth_on_plane(m, there, cameras, depth, normal, (ox, oy, oz), way)
     if not other > 0.0:
         other = z * depth[there] / seen
     bx, by, _ = project(projection, m, ox + other * dx, oy + other * dy, oz + other * dz)

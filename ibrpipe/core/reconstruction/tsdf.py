@@ -51,18 +51,17 @@ def note_bound(out_bound, n, outside):
 
 
 @kernel
-def integrate(
-    corners, lattice, depth, normal, weight, outline, starts, sizes, projection, rays, centers, limits, out_sum,
-    out_free, out_bound,
-):  # fmt: skip
+def integrate(corners, lattice, depth, normal, weight, outline, cameras, limits, out_sum, out_free, out_bound):
     """Add the distances that a few packed maps see, and bound the voxels by their outlines."""
     # corners (B, 3) i32; lattice (4,) f64: origin and step of the voxels
     # depth (T,) f32, 0 = unknown; normal (T, 3) f32 world; weight (T,) f32
+    # cameras: see `fusion`
     # outline (T,) f32: pixels to the outline, positive outside, NaN = cannot say; (0,) without masks
     # limits (1 + M,) f64: truncation in scene units, focal lengths in pixels
     # out_sum (B, 512, 2) f32: sums of weight * distance / truncation, and of weight, near surfaces
     # out_free (B, 512) f32: sum of the weights of rays that pass far in front of a surface
     # out_bound (B * 512, 2) f32: the two greatest distances outside an outline, scene units; (0, 2) without masks
+    starts, sizes, projection, rays, centers = cameras
     for b in prange(corners.shape[0]):
         for m in range(sizes.shape[0]):
             step = lattice[3]

@@ -150,10 +150,7 @@ def neighbours_of(given: DepthMap, maps: Sequence[DepthMap], most: int = 12) -> 
 def _judged(packed: Packed, rule: Array, marks: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
     mean, normal = np.empty((*shape, 2), np.float32), np.empty((*shape, 3), np.float32)
     votes = np.empty((*shape, 2), np.int32)
-    fuse_view(
-        packed.depth, packed.normal, packed.confidence, packed.starts, packed.sizes, packed.projection, packed.rays,
-        packed.centers, rule, marks, mean, normal, votes,
-    )  # fmt: skip
+    fuse_view(packed.depth, packed.normal, packed.confidence, packed.cameras, rule, marks, mean, normal, votes)
     return mean, normal, votes
 
 

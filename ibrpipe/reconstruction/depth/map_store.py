@@ -64,6 +64,11 @@ class Packed:
     rays: Array
     centers: Array
 
+    @property
+    def cameras(self) -> tuple[Array, ...]:
+        """What the kernels of fusion and signed distances take as `cameras`."""
+        return self.starts, self.sizes, self.projection, self.rays, self.centers
+
 
 def load_map(given: DepthMap) -> LoadedMap:
     """Read one map; what is missing is made: normals from the depth's slope, an even confidence.

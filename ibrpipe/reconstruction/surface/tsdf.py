@@ -108,7 +108,7 @@ def summed(blocks: Blocks, maps: MapStore, outlines: Sequence[Outline], weights:
         outline = outlines[index].distance.ravel() if outlines else np.empty(0, np.float32)
         integrate(
             blocks.corners, blocks.lattice(), p.depth, p.normal, (p.confidence * seen).astype(np.float32), outline,
-            p.starts, p.sizes, p.projection, p.rays, p.centers, limits, total, free, bound,
+            p.cameras, limits, total, free, bound,
         )  # fmt: skip
     outer = np.clip(chosen_bound(bound, len(outlines)).reshape(free.shape) / length, -1, 1) if outlines else None
     return _settled(total, free, outer, weights)

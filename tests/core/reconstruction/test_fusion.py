@@ -42,8 +42,7 @@ def _fused(maps: list[LoadedMap], rules: FusionRules) -> tuple[np.ndarray, ...]:
     used = np.zeros(len(p.depth), np.uint8)
     mean, normal = np.empty((*shape, 2), np.float32), np.empty((*shape, 3), np.float32)
     votes = np.empty((*shape, 2), np.int32)
-    cameras = (p.projection, p.rays, p.centers)
-    fuse_view(p.depth, p.normal, p.confidence, p.starts, p.sizes, *cameras, rules.packed(), used, mean, normal, votes)
+    fuse_view(p.depth, p.normal, p.confidence, p.cameras, rules.packed(), used, mean, normal, votes)
     return mean, normal, votes, used
 
 
@@ -83,8 +82,8 @@ def test_distances_are_those_of_the_twin() -> None:
     outline = np.concatenate([np.sin(np.arange(each.depth.size)) for each in maps]).astype(np.float32)
     focal = [each.camera.K[0, 0] for each in maps]
     integrate(
-        blocks.corners, blocks.lattice(), p.depth, p.normal, p.confidence, outline, p.starts, p.sizes, p.projection,
-        p.rays, p.centers, np.array([truncation, *focal]), total, free, bound,
+        blocks.corners, blocks.lattice(), p.depth, p.normal, p.confidence, outline, p.cameras,
+        np.array([truncation, *focal]), total, free, bound,
     )  # fmt: skip
     inner = np.stack(np.meshgrid(*[np.arange(SIDE)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     points = blocks.origin + blocks.step * (blocks.corners[:, None] + inner).reshape(-1, 3)
