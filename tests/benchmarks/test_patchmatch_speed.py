@@ -86,8 +86,8 @@ def test_half_sweep(benchmark, scene, consistency):
 
     def run():
         sweep(
-            0, 5, 1, 1.0, KEEP, np.float32(1 / (32 * 12.0**2)), settings, np.array([0.24, 0.26, 0.003]), lens, window,
-            padded, valid, views, words, others, state,
+            (0, 5, 1, 1.0, KEEP), np.float32(1 / (32 * 12.0**2)), settings, np.array([0.24, 0.26, 0.003]), lens, window,
+            padded, valid, (views, words, others), state,
         )  # fmt: skip
 
     benchmark.pedantic(run, rounds=5, warmup_rounds=1)

@@ -33,16 +33,16 @@ def add_up(costs, weights, count, totals):
 
 
 @exact_kernel
-def sweep(
-    colour, sweep_number, seed, reach, keep, softness, consistency, ranges, lens, window, reference, valid, views,
-    pictures, others, state,
-):  # fmt: skip
-    # colour 0 or 1; reach: pixels; softness: 1 / (32 sigma^2) of grey levels
+def sweep(step, softness, consistency, ranges, lens, window, reference, valid, neighbours, state):
+    # step: colour 0 or 1, number of the sweep, seed, reach in pixels, views kept; softness: 1 / (32 sigma^2) of grey
+    # levels
     # consistency (2,) f32: weight of a pixel of disagreement (0 = photometric), most pixels
     # ranges (3,): low, high, inverse depth that moves a pixel by one; lens (4,); window (3, LANES) f32: see weigh
     # reference (H + 2 R, W + 2 R) f32 grey 0..255, below 0 = not valid; valid (H, W) u8
-    # views (V, 32) f32; pictures (V, N) u32: four grey bytes; others (V, N) f32: neighbours' inverse depth, 0 = unknown
+    # neighbours: views (V, 32) f32; pictures (V, N) u32: four grey bytes; others (V, N) f32: their inverse depth, 0 =
+    # unknown
     # state (4, H, W) f32: planes and their cost, updated in place
+    (colour, sweep_number, seed, reach, keep), (views, pictures, others) = step, neighbours
     rows, columns = valid.shape
     margin = (reference.shape[0] - rows) // 2
     limit = np.float32(0.8 * math.exp(-sweep_number * sweep_number / 90.0))

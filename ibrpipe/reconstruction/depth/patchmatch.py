@@ -71,9 +71,10 @@ def match(
     words = joined([each.words for each in pictures])
     for k in range(order.sweeps):
         for colour in (0, 1):
+            step = colour, order.sweep_number + k, seed, order.reach * 0.6**k, config.keep
             sweep(
-                colour, order.sweep_number + k, seed, order.reach * 0.6**k, config.keep, softness, consistency, ranges,
-                reference.lens, window, padded, reference.valid, views, words, others, state,
+                step, softness, consistency, ranges, reference.lens, window, padded, reference.valid,
+                (views, words, others), state,
             )  # fmt: skip
 
 

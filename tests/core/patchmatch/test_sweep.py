@@ -67,8 +67,8 @@ def run(scene, state, colours, sweep_number=0, consistency=(0.0, 2.0)):
     words = np.stack([packed(grey) for grey in greys[1:]])
     for colour in colours:
         sweep(
-            colour, *settings, np.array([0.3, 0.8, 0.05]), LENS, window, padded, valid, views.astype(np.float32), words,
-            others.reshape(3, -1), state,
+            (colour, *settings[:4]), *settings[4:], np.array([0.3, 0.8, 0.05]), LENS, window, padded, valid,
+            (views.astype(np.float32), words, others.reshape(3, -1)), state,
         )  # fmt: skip
     return state
 
