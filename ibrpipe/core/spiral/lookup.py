@@ -1,6 +1,12 @@
 """Nearest spiral samples of a direction, and their interpolation at a surface point. Source: gong-yang, sec. 5.2.
 
 Symbols: q yaw in [0, 2 pi), p pitch (angle from the outward normal), t round of the spiral below the direction.
+
+Kernels take all T textures with their D images as three tuples. ``frames``: rotations (T, 3, 3) f64, rows a, b, -f of
+the rectangles; origins (T, 3) f64; scales (T, 2) f64, 1 / edge lengths. ``spirals``: alphas (D,) f64; k (T,) f64;
+greatest pitch (T,) f64; images of the closing turn (T,) i64; first image (T + 1,) i64. ``images``: directions (D, 3)
+f64; sizes (D, 2) i32, height and width; starts (D + 1,) i64, first texel; texels (N, 4) u8 or f32, the last channel
+says whether it is valid; zero (D,) f64, code of nothing.
 """
 
 import math
@@ -75,13 +81,15 @@ def along(alpha, alphas, first, last, closing, at, indices, weights):
 
 
 @helper
-def residual_at(sx, sy, sz, directions, sizes, starts, texels, zero, scale_u, scale_v, indices, weights, total):
-    """Add the residuals of four images at surface point (sx, sy, sz) to total (4,) f64: weighted R, G, B, and weight.
+def residual_at(place, images, scale, indices, weights, total):
+    """Add the residuals of four images at a surface point to total (4,) f64: weighted R, G, B, and weight.
 
-    The point is in the rectangle's frame: sx, sy in [0, 1] along its edges, sz the depth below it, and `scale_u`,
-    `scale_v` (1 / edge lengths) turn a shift along the plane into those units. Every image is read where the ray from
-    the point along the image's own direction meets the rectangle (depth correction, gong-yang, fig. 6).
+    The point (three f64) is in the rectangle's frame: in [0, 1] along its edges, and the depth below it; `scale` (two
+    f64, 1 / edge lengths) turns a shift along the plane into those units. Every image is read where the ray from the
+    point along the image's own direction meets the rectangle (depth correction, gong-yang, fig. 6).
     """
+    directions, sizes, starts, texels, zero = images
+    (sx, sy, sz), (scale_u, scale_v) = place, scale
     for n in range(4):
         w = weights[n]
         if w <= 0.0:
@@ -113,20 +121,18 @@ def residual_at(sx, sy, sz, directions, sizes, starts, texels, zero, scale_u, sc
 
 
 @kernel
-def shade(
-    color, depth, eye, world_from_pixel, rotations, origins, scales, alphas, ks, limits, closings, image_ranges,
-    directions, sizes, starts, texels, zero, coded, encode, lost
-):  # fmt: skip
+def shade(color, depth, eye, world_from_pixel, frames, spirals, images, coded, encode, lost):
     """Add interpolated residuals to every pixel that is hit.
 
     Each view ray asks the texture through whose rectangle it passes; where some of the four samples lie outside that
     rectangle, the textures whose rectangles they pass through fill in, and all weights are normalised together.
     """
     # color (H, W, 3) f32 linear, in and out; depth (H, W) f32 along camera z; eye (3,), world_from_pixel (3, 3) f64
-    # rotations (T, 3, 3) f64 rows a, b, -f; origins (T, 3); scales (T, 2) 1 / edge length
-    # alphas (D,) f64 of all textures; image_ranges (T + 1,) i64; directions (D, 3), sizes (D, 2) i32, starts (D + 1,)
-    # texels (N, 4) u8 or f32, last = valid; zero (D,) f64 code of nothing; coded: residuals are in display code
+    # frames, spirals, images: see above; coded: residuals are in display code
     # encode (E,) f32: display code of linear i / (E - 1); lost (H,) i64: hit pixels that found no residual
+    rotations, origins, scales = frames
+    alphas, ks, limits, closings, image_ranges = spirals
+    directions, sizes, starts, texels, zero = images
     height, width = depth.shape
     textures = len(origins)
     for row in prange(height):
@@ -158,8 +164,8 @@ def shade(
                     weights
                 )  # fmt: skip
                 residual_at(
-                    local[t, 0], local[t, 1], local[t, 2], directions, sizes, starts, texels, zero, scales[t, 0],
-                    scales[t, 1], indices, weights, total
+                    (local[t, 0], local[t, 1], local[t, 2]), (directions, sizes, starts, texels, zero),
+                    (scales[t, 0], scales[t, 1]), indices, weights, total
                 )  # fmt: skip
                 if total[3] > 0.98:
                     break

@@ -15,12 +15,11 @@ from ibrpipe.core.spiral.lookup import neighbours, pixel_ray, place
 
 
 @kernel
-def mark_images(
-    depth, world_from_pixel, rotations, origins, scales, alphas, ks, limits, closings, image_ranges, marks
-):  # fmt: skip
-    """Mark the images that `spiral_lookup.shade` may read for the pixels that are hit, whichever texture it asks."""
-    # depth (H, W) f32, +inf where nothing is hit; other arrays as in spiral_lookup.shade
+def mark_images(depth, world_from_pixel, frames, spirals, marks):
+    """Mark the images that `lookup.shade` may read for the pixels that are hit, whichever texture it asks."""
+    # depth (H, W) f32, +inf where nothing is hit; frames, spirals: see `lookup`
     # marks (H, D) bool, out: images with weight for the direction of some pixel of the row
+    (rotations, origins, scales), (alphas, ks, limits, closings, image_ranges) = frames, spirals
     height, width = depth.shape
     textures = len(origins)
     for row in prange(height):

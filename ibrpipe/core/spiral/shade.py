@@ -5,6 +5,10 @@ texture that its ray suits best, and while weight is missing the next best. Here
 together, sorted into batches by texture, and every step of the look-up is one loop over a batch, so that the compiler
 uses vectors.
 
+Working memory: ``hit`` = (state, used, active, total), a number per hit pixel: see below; bits of the textures asked;
+which hit pixel an entry is of, since those done are left out; sums of weighted R, G, B and weight. ``lanes`` = (work,
+part, images, places), a number per pixel of a batch: see below; numbers of the four images; their four texels.
+
 Symbols: q direction of the ray in a texture's frame, per camera depth; see also :mod:`ibrpipe.core.spiral.lookup`.
 """
 
@@ -225,10 +229,9 @@ def add_to_colors(count, pixels, total, encode, decode, color):
 
 
 @ordered
-def ask_texture(
-    count, t, batch, frames, spirals, finds, tables, state, used, active, total, work, part, images, places
-):
+def ask_texture(count, t, batch, frames, spirals, finds, tables, hit, lanes):
     # add what texture t says to the pixels batch[:count]
+    (state, used, active, total), (work, part, images, places) = hit, lanes
     for n in range(count):
         at = batch[t, n]
         work[HERE, n], work[ABOVE, n], work[SHARE, n] = state[X, at], state[Y, at], state[Z, at]
@@ -243,10 +246,9 @@ def ask_texture(
 
 
 @ordered
-def ask_textures(
-    hits, frames, spirals, finds, tables, state, used, active, total, work, part, images, places, batch, counts
-):  # fmt: skip
+def ask_textures(hits, frames, spirals, finds, tables, hit, lanes, batch, counts):
     # every pixel asks its best texture, and while weight is missing the next best
+    state, used, active, total = hit
     count = hits
     while count > 0:
         choose_textures(count, frames, used, state)
@@ -257,16 +259,10 @@ def ask_textures(
             batch[t, counts[t]] = n
             counts[t] += 1
             if counts[t] == BATCH:
-                ask_texture(
-                    BATCH, t, batch, frames, spirals, finds, tables, state, used, active, total, work, part, images,
-                    places,
-                )  # fmt: skip
+                ask_texture(BATCH, t, batch, frames, spirals, finds, tables, hit, lanes)
                 counts[t] = 0
         for t in range(len(counts)):
-            ask_texture(
-                counts[t], t, batch, frames, spirals, finds, tables, state, used, active, total, work, part, images,
-                places,
-            )  # fmt: skip
+            ask_texture(counts[t], t, batch, frames, spirals, finds, tables, hit, lanes)
             counts[t] = 0
         left = 0
         for n in range(count):
@@ -297,7 +293,7 @@ def add_residuals(
         for unit in range(own, units, parts):
             hits = list_hits(depth, known, unit * ROWS, world_from_pixel, state, pixels, used, active, total)
             ask_textures(
-                hits, frames, spirals, finds, tables, state, used, active, total, work, part, images, places, batch,
+                hits, frames, spirals, finds, tables, (state, used, active, total), (work, part, images, places), batch,
                 counts,
             )  # fmt: skip
             lost[own] += add_to_colors(hits, pixels, total, encode, decode, color)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -117,9 +118,9 @@ def looked_up(context: Context, tables: spiral.Tables, photo: int) -> Array:
     photos, camera = context.photos, context.photos.cameras[photo]
     start = photos.starts[photo]
     depth = photos.depth[start : start + camera.height * camera.width].reshape(camera.height, camera.width)
-    alphas, ks, limits, closings, counts = tables.arrays[:5]
-    marks = np.empty((camera.height, len(np.asarray(alphas))), bool)
+    spirals = cast(tuple[Array, ...], tables.arrays[0])
+    marks = np.empty((camera.height, len(spirals[0])), bool)
     frames = tables.rotations, tables.origins, tables.scales
     world_from_pixel = np.ascontiguousarray(camera.world_from_pixel)
-    mark_images(depth, world_from_pixel, *frames, alphas, ks, limits, closings, counts, marks)
+    mark_images(depth, world_from_pixel, frames, spirals, marks)
     return np.asarray(marks.any(axis=0))

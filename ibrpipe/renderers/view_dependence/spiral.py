@@ -30,7 +30,7 @@ class Tables:
         Rows a, b, -f of the rectangles; their outer corners; 1 / edge lengths.
     arrays : tuple
         What :func:`ibrpipe.core.spiral.shade.add_residuals` takes as spirals, finds and tables (8-bit residuals), or
-        :func:`ibrpipe.core.spiral.lookup.shade` from `alphas` to `zero` (others).
+        :func:`ibrpipe.core.spiral.lookup.shade` as spirals and images (others).
     packed : bool
         Texels are 8-bit, packed into words.
     coded : bool
@@ -114,18 +114,21 @@ def _join_linear(members: Sequence[SpiralResiduals]) -> tuple[object, ...]:
     for r in members:
         own = slice(end, end + len(r.texels))
         texels[own, :3], texels[own, 3], end = r.texels, r.valid, own.stop
-    return (
+    spirals = (
         np.concatenate([r.alphas for r in members]),
         np.array([r.k for r in members]),
         np.array([_limit(r) for r in members]),
         np.array([_closing(r) for r in members]),
         counts,
+    )
+    images = (
         np.concatenate([r.directions for r in members]),
         np.concatenate([r.sizes for r in members]).astype(np.int32),
         _starts(members),
         texels,
         np.zeros(counts[-1]),  # linear residuals have no code of nothing
     )
+    return spirals, images
 
 
 def _join_coded(members: Sequence[SpiralResiduals], scales: Array) -> tuple[object, ...]:
@@ -208,7 +211,7 @@ def add(tables: Tables, color: Array, depth: Array, camera: Camera, known: Array
         lost = np.zeros(len(depth), np.int64)
         seen = np.where(known > 0, depth, np.float32(np.inf))
         frames = tables.rotations, tables.origins, tables.scales
-        shade(color, seen, camera.center, way, *frames, *tables.arrays, tables.coded, tables.encode, lost)
+        shade(color, seen, camera.center, way, frames, *tables.arrays, tables.coded, tables.encode, lost)
         return int(lost.sum())
     eyes = np.einsum("trc,tc->tr", tables.rotations, camera.center - tables.origins)
     lost = np.zeros(numba.get_num_threads(), np.int64)

@@ -148,7 +148,8 @@ def test_residuals_as_twin_with_holes_and_borders():
         point[2] *= 0.3
         weights[rng.integers(4)] = 0.0
         total = np.zeros(4)
-        residual_at(*point, ways, sizes, starts, texels, zero, *scale, indices, weights, total)
+        packed = ways, sizes, starts, texels, zero
+        residual_at(tuple(point), packed, tuple(scale), indices, weights, total)
         wanted = spiral_twin.residual_at(point, weights, [images[i] for i in indices], scale)
         np.testing.assert_allclose(total, wanted, atol=1e-9)
         found += total[3] > 0
@@ -167,8 +168,9 @@ def test_depth_correction_reads_the_same_surface_point():
         texels[:, 1] = (rows / size - v).ravel()
         total = np.zeros(4)
         residual_at(
-            0.5, 0.5, depth, way, np.array([[size, size]], np.int32), np.array([0, size * size]), texels, np.zeros(1),
-            0.5, 0.25, np.zeros(4, np.int64), np.array([1.0, 0, 0, 0]), total
+            (0.5, 0.5, depth),
+            (way, np.array([[size, size]], np.int32), np.array([0, size * size]), texels, np.zeros(1)),
+            (0.5, 0.25), np.zeros(4, np.int64), np.array([1.0, 0, 0, 0]), total
         )  # fmt: skip
         np.testing.assert_allclose(total, (0, 0, 0, 1), atol=1e-6)
 

@@ -29,8 +29,8 @@ def test_as_twin_whatever_the_threads(closed):
         marks = np.ones((9, ranges[-1]), bool)
         way = np.ascontiguousarray(camera.world_from_pixel)
         mark_images(
-            depth, way, ROTATIONS, np.zeros((2, 3)), np.ones((2, 2)), np.concatenate(alphas), np.array(ks),
-            np.full(2, limit), closings, ranges, marks
+            depth, way, (ROTATIONS, np.zeros((2, 3)), np.ones((2, 2))),
+            (np.concatenate(alphas), np.array(ks), np.full(2, limit), closings, ranges), marks
         )  # fmt: skip
         return (marks,)
 
