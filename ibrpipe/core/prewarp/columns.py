@@ -59,8 +59,10 @@ def place_row(values, lines, wall, k, least, most, half, buf, cells):
 
 
 @fused
-def paint_lanes(values, wall, h, gap, x, k, step, half, other, ahead, begin, end, buf, cells, out):
-    # of rows k - step and k: the segments of columns with holes, to their ends and no farther
+def paint_lanes(values, rule, x, k, step, halves, ahead, ends, buf, cells, out):
+    # of rows k - step and k: the segments of columns with holes, to their ends and no farther; rule: wall, h, gap;
+    # halves: where the memory keeps row k and the one before; ends: first pixel, last + 1
+    (wall, h, gap), (half, other), (begin, end) = rule, halves, ends
     for lane in range(LANES):
         if cells[BAD + lane] == 0 or buf[VALUES + half + lane] != buf[VALUES + half + lane]:
             continue
@@ -131,7 +133,8 @@ def pass_columns(values, lines, wall, h, gap, x, side, buf, cells, out):
                         out[np.uint64(y + PAD), column] = buf[FIRSTS + lane] + step * buf[SLOPES + lane]
         if holes > 0:
             k = side[0] + o * side[2]
-            paint_lanes(values, wall, h, gap, x, k, side[2], half, other, ahead, begin, end, buf, cells, out)
+            rule, ends = (wall, h, gap), (begin, end)
+            paint_lanes(values, rule, x, k, side[2], (half, other), ahead, ends, buf, cells, out)
     half = (total & 1) * LANES
     for lane in range(LANES):
         if cells[BAD + lane] != 0:
