@@ -16,7 +16,7 @@ def bilinear(height, u, v):
     return (a * (1 - p) + b * p) * (1 - q) + (c * (1 - p) + e * p) * q
 
 
-def linear_binary(source, camera, steps, halvings):
+def linear_binary(source, camera, steps, bisection_steps):
     """(H, W) float64 camera depth by `steps` equal steps through the box, then halving; outside is above the heights.
 
     Samples are taken where ``A + s B`` is rounded to float32, as the renderer does.
@@ -41,7 +41,7 @@ def linear_binary(source, camera, steps, halvings):
         for k in range(1, steps + 1):
             if inside(k / steps):
                 s, size = (k - 1) / steps, 0.5 / steps
-                for _ in range(halvings):
+                for _ in range(bisection_steps):
                     s, size = s + (0.0 if inside(s + size) else size), size / 2
                 out[y, x] = t0 + (s + size) * (t1 - t0)
                 break

@@ -1,7 +1,7 @@
 """The published search (policarpo2005, sec. 3) in a box over a height field: linear steps, then bisection.
 
 The part of the ray inside the box is walked in `steps` equal steps; the first sample at or beyond the surface and its
-predecessor are halved `halvings` times, heights being bilinear. Sixty-four rays march together in loops without
+predecessor are halved `bisection_steps` times, heights being bilinear. Sixty-four rays march together in loops without
 branches, and the samples that a tile of rays provably takes outside the surface (:mod:`ibrpipe.core.relief.beam`) are
 not fetched, so the picture is that of the plain search.
 
@@ -130,7 +130,7 @@ def skip_samples(nodes, first, level, columns, last_i, last_j, low, step, side, 
 
 
 @kernel
-def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, halvings, window, out, places):
+def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, bisection_steps, window, out, places):
     # pairs (H * stride - 1,) i64: texel and its right neighbour, overlapping; grid (5,) f64: low, scale, bottom, top,
     # stride; start (3,), turn (9,) f64: rays; window (4,) i64: x0, x1, y0, y1 pixels; out (h, w) f32 camera depth,
     # lowered in place where the ray hits nearer; places (h, w, 2) f64 or (0, 0, 2): hits in cells
@@ -193,7 +193,7 @@ def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, halvings, 
             for k in range(LANES):
                 buf[10 * PITCH + k] = (buf[8 * PITCH + k] - one) * share
                 buf[11 * PITCH + k] = half * share
-            for _ in range(halvings):
+            for _ in range(bisection_steps):
                 for k in range(LANES):
                     s = buf[10 * PITCH + k] + buf[11 * PITCH + k]
                     u = buf[k] + s * buf[3 * PITCH + k]

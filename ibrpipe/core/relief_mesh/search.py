@@ -45,7 +45,7 @@ def is_inside(front, back, plan, x, y, z):
 
 
 @helper
-def step_along(front, back, plan, ray, begin, end, steps, halvings):
+def step_along(front, back, plan, ray, begin, end, steps, bisection_steps):
     # first of `steps` equal steps that is inside, then halved toward the last outside one -> s, inf = none
     x, y, z, dx, dy, dz = ray
     size = (end - begin) / steps
@@ -53,7 +53,7 @@ def step_along(front, back, plan, ray, begin, end, steps, halvings):
         s = begin + size * k
         if is_inside(front, back, plan, x + s * dx, y + s * dy, z + s * dz):
             low, part = s - size, size
-            for _ in range(halvings):
+            for _ in range(bisection_steps):
                 part *= 0.5
                 m = low + part
                 if not is_inside(front, back, plan, x + m * dx, y + m * dy, z + m * dz):
