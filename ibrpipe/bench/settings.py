@@ -197,7 +197,9 @@ def choose_settings(renderers: Sequence[str] = (), speed: bool = False) -> list[
     found = [
         each
         for each in SETTINGS
-        if each.renderer in known and set(each.options) <= set(known[each.renderer].options) and (each.hard or speed)
+        if each.renderer in known
+        and set(each.options) <= set(known[each.renderer].Options.model_fields)
+        and (each.hard or speed)
     ]
     named = {each.renderer for each in found}
     found += [Setting(name, name) for name in known if name not in named]

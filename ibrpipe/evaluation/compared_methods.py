@@ -13,6 +13,7 @@ from ibrpipe.evaluation.timing import Draw, Way
 from ibrpipe.io.frames import Frames
 from ibrpipe.io.views import View
 from ibrpipe.renderers.api import Prepared
+from ibrpipe.renderers.registry import find_renderer
 from ibrpipe.renderers.renderer_spec import Choice, choose
 from ibrpipe.types import Asset, Camera, Frame
 
@@ -66,7 +67,7 @@ def make_contest(asset: Asset, frames: Frames, caster: MeshCaster, photos: Photo
 
 
 def _without_residuals(choice: Choice) -> Choice:
-    if "residuals" not in ibrpipe.renderers()[choice.name]["options"]:
+    if "residuals" not in find_renderer(choice.name).Options.model_fields:
         return choice
     return replace(choice, options={**choice.options, "residuals": False})
 

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.registry import check_options, find_renderer, registered
+from ibrpipe.renderers.option_check import checked_options
+from ibrpipe.renderers.option_text import option_texts
+from ibrpipe.renderers.registry import find_renderer, registered
+from ibrpipe.renderers.renderer import type_names
 from ibrpipe.types import Asset, Camera, Frame
 from ibrpipe.types.renderable import Renderable
 
@@ -23,7 +26,7 @@ class Prepared:
     ----------
     renderer : str
     sources : tuple
-        The textures, in the order given; an asset counts as its textures.
+        In the order given; an asset counts as its textures.
     data : object
         Belongs to the renderer.
     bytes : int
@@ -62,16 +65,15 @@ def prepare(source: Source, renderer: str = "ldi") -> Prepared:
         if source.renderer != renderer:
             raise RendererError(f"this was prepared for {source.renderer!r}, not {renderer!r}; prepare the source anew")
         return source
-    textures = tuple(_flatten(source))
-    if not textures:
+    sources = tuple(_flatten(source))
+    if not sources:
         raise RendererError("there is nothing to render: the list or asset is empty; give at least one texture")
-    for texture in textures:
-        if type(texture).__name__ not in chosen.accepts:
-            raise RendererError(
-                f"renderer {renderer!r} cannot take a {type(texture).__name__}; it takes: {', '.join(chosen.accepts)}"
-            )
-    data = chosen.load().prepare(textures)
-    return Prepared(renderer, textures, data, int(data.bytes))
+    for each in sources:
+        if not isinstance(each, chosen.accepts):
+            taken = ", ".join(type_names(chosen.accepts))
+            raise RendererError(f"renderer {renderer!r} cannot take a {type(each).__name__}; it takes: {taken}")
+    data = chosen().prepare(sources)
+    return Prepared(renderer, sources, data, int(data.bytes))
 
 
 def render(
@@ -102,10 +104,10 @@ def render(
     Raises
     ------
     RendererError
-        Unknown renderer, output, option or kind of source.
+        Unknown renderer, output, option or kind of source, or an option that cannot be what it is.
     """
     chosen = find_renderer(renderer)
-    check_options(chosen, options)
+    checked = checked_options(chosen, options)
     wanted = (outputs,) if isinstance(outputs, str) else tuple(outputs)
     for name in wanted:
         if name not in OUTPUTS:
@@ -113,8 +115,7 @@ def render(
     if not isinstance(camera, Camera):
         raise RendererError(f"camera must be a Camera, got {type(camera).__name__}; build one with ibrpipe.Camera")
     prepared = prepare(source, renderer)
-    frame: Frame = chosen.load().draw(prepared.data, camera, wanted, **options)
-    return frame
+    return chosen().draw(prepared.data, camera, wanted, checked)
 
 
 def renderers() -> dict[str, dict[str, Any]]:
@@ -124,8 +125,8 @@ def renderers() -> dict[str, dict[str, Any]]:
             "summary": entry.summary,
             "paper": entry.paper,
             "limits": entry.limits,
-            "accepts": list(entry.accepts),
-            "options": dict(entry.options),
+            "accepts": type_names(entry.accepts),
+            "options": option_texts(entry.Options),
         }
         for name, entry in registered().items()
     }

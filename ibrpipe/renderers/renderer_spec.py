@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.registry import check_options, find_renderer
+from ibrpipe.renderers.option_check import checked_options
+from ibrpipe.renderers.registry import find_renderer
 
 _WORDS: dict[str, Any] = {"true": True, "false": False, "none": None}
 
@@ -37,12 +38,13 @@ class Choice:
 
 
 def choose(text: str) -> Choice:
-    """Read ``name`` or ``name:key=value,...``; values are numbers, true, false, none, or words.
+    """Read ``name`` or ``name:key=value,...``; values are numbers (several with blanks between them), true, false,
+    none, or words.
 
     Raises
     ------
     RendererError
-        There is no such renderer or option, or the text has another form.
+        There is no such renderer or option, a value cannot be what it is, or the text has another form.
     """
     name, colon, rest = text.partition(":")
     renderer, options = find_renderer(name), {}
@@ -51,13 +53,16 @@ def choose(text: str) -> Choice:
         if not (equals and key and value):
             raise RendererError(f"{text!r}: expected {name}:key=value,...; {part!r} is no key=value")
         options[key] = _value(value)
-    check_options(renderer, options)
-    return Choice(text, name, options)
+    checked = checked_options(renderer, options)
+    return Choice(text, name, {key: getattr(checked, key) for key in options})
 
 
 def _value(text: str) -> Any:
     if text.lower() in _WORDS:
         return _WORDS[text.lower()]
+    parts = text.split()
+    if len(parts) > 1:
+        return tuple(_value(part) for part in parts)
     for kind in (int, float):
         try:
             return kind(text)

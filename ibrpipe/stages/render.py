@@ -21,7 +21,8 @@ from ibrpipe.io.paths import CameraPath, camera_path, is_orbit, parse_orbit
 from ibrpipe.io.video import write_video
 from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
-from ibrpipe.renderers.api import prepare, render, renderers
+from ibrpipe.renderers.api import prepare, render
+from ibrpipe.renderers.registry import find_renderer
 from ibrpipe.renderers.renderer_spec import Choice, choose
 from ibrpipe.types import Array, Asset, Camera
 from ibrpipe.types.relief_mesh import ReliefMesh
@@ -139,7 +140,7 @@ def _render_all(
     """Render and write all frames of one renderer; return their entries of frames.json."""
     renderer = choice.name
     prepared = prepare(asset, renderer)
-    takes_residuals = "residuals" in renderers()[renderer]["options"]
+    takes_residuals = "residuals" in find_renderer(renderer).Options.model_fields
     options = ({"residuals": config.residuals} if takes_residuals else {}) | dict(choice.options)
     render(prepared, path[0][1].resized(8, 8), renderer, config.outputs, **options)  # compiles, outside the timer
     entries = []

@@ -7,7 +7,7 @@ import pytest
 
 import ibrpipe
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.ldi import render_progressive
+from ibrpipe.renderers.ldi.progressive import render_progressive
 
 FRAME = ibrpipe.ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
 SOURCE = ibrpipe.ReliefTexture(FRAME, np.full((4, 5, 3), 0.5), np.zeros((4, 5)))

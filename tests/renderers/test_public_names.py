@@ -14,7 +14,8 @@ import ibrpipe
     "before", ["", "ibrpipe.render", "import ibrpipe.renderers.ldi", "from ibrpipe.renderers.api import render"]
 )
 def test_renderers_can_be_called_whatever_was_imported_before(before: str) -> None:
-    code = f"import ibrpipe\n{before}\nassert 'ldi' in ibrpipe.renderers()\nimport ibrpipe.renderers.ldi as m\nm.draw"
+    code = f"import ibrpipe\n{before}\nassert 'ldi' in ibrpipe.renderers()\nimport ibrpipe.renderers.ldi as m"
+    code += "\nm.LdiRenderer"
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, timeout=120)
 
 

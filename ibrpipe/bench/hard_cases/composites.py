@@ -43,7 +43,7 @@ def _cell(
     colors_tie: str,
 ) -> Cell:
     sources, camera = [each.shot.source for each in posed], posed[0].shot.camera
-    refused = [type(s).__name__ for s in sources if type(s).__name__ not in find_renderer(setting.renderer).accepts]
+    refused = [type(s).__name__ for s in sources if not isinstance(s, find_renderer(setting.renderer).accepts)]
     if refused or setting.meshes:
         kind = refused[0] if refused else type(sources[0]).__name__
         return plain_cell(spot, "not applicable", message=f"does not take a {kind}")

@@ -64,7 +64,7 @@ def thread_counts() -> tuple[int, int]:
 def draw_with(setting: Setting, source: GridSource | Sequence[GridSource], camera: Camera) -> Callable[[int], Frame]:
     """Return a function from a number of threads to the frame."""
     prepared = prepare(source, setting.renderer)
-    takes_threads = "threads" in find_renderer(setting.renderer).options
+    takes_threads = "threads" in find_renderer(setting.renderer).Options.model_fields
 
     def draw(threads: int) -> Frame:
         if takes_threads:

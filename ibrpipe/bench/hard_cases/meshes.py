@@ -73,7 +73,7 @@ def mesh_cells(
 
 
 def _cell(spot: Spot, posed: PosedMesh, setting: Setting, pictures: dict[tuple[str, str], WrongPixels]) -> Cell:
-    if "ReliefMesh" not in find_renderer(setting.renderer).accepts:
+    if ReliefMesh not in find_renderer(setting.renderer).accepts:
         return plain_cell(spot, "not applicable", message="does not take a ReliefMesh")
     try:
         frame, same, lit = _render(posed, setting)

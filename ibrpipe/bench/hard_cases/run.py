@@ -148,7 +148,7 @@ def _senseless(posed: Posed, exact: Shot) -> str:
 def _picture(spot: Spot, posed: Posed, setting: Setting, pictures: dict[tuple[str, str], WrongPixels]) -> Cell:
     case, kind, bits = spot.case, type(posed.shot.source).__name__, posed.bits
     assert isinstance(case, Case)
-    if kind not in find_renderer(setting.renderer).accepts or setting.meshes:
+    if not isinstance(posed.shot.source, find_renderer(setting.renderer).accepts) or setting.meshes:
         return plain_cell(spot, "not applicable", message=f"does not take a {kind}")
     made = render_twice(spot, setting, posed.shot.source, posed.shot.camera)
     if isinstance(made, Cell):

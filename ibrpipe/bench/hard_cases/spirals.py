@@ -13,7 +13,7 @@ from ibrpipe.bench.hard_cases.posed import finite
 from ibrpipe.bench.hard_cases.results import Cell, Figures, Limits
 from ibrpipe.bench.settings import Setting
 from ibrpipe.renderers.registry import find_renderer
-from ibrpipe.types import Array, Camera
+from ibrpipe.types import Array, Camera, Texture
 from ibrpipe.types.renderable import GridSource
 
 #: largest error of view-dependent colour, in 8-bit codes of linear light
@@ -45,7 +45,7 @@ def spiral_cells(
 
 def _shows_residuals(setting: Setting) -> bool:
     chosen = find_renderer(setting.renderer)
-    return "SpiralTexture" in chosen.accepts and "residuals" in chosen.options
+    return Texture in chosen.accepts and "residuals" in chosen.Options.model_fields
 
 
 def _spiral_cell(spot: Spot, setting: Setting, texture: GridSource, camera: Camera, wanted: Array) -> Cell:

@@ -98,7 +98,7 @@ def _of_setting(setting: Setting, main: bool) -> Contender:
     entry = find_renderer(setting.renderer)
 
     def make(work: Workload) -> Ready | None:
-        if any(type(source).__name__ not in entry.accepts for source in work.sources):
+        if not all(isinstance(source, entry.accepts) for source in work.sources):
             return None
         began = perf_counter()
         try:

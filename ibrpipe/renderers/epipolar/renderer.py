@@ -1,4 +1,4 @@
-"""The `epipolar` renderer: inverse warping along whole epipolar lines (schaufler1999).
+"""What the `epipolar` renderer does: inverse warping along whole epipolar lines (schaufler1999).
 
 Every field of a source is a map (the paper's reference image); all maps lower one picture of depths. Which surface is
 hit, the searches and the departures from the paper stand in ``docs/renderers/epipolar.md``.
@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.errors import RendererError
 from ibrpipe.renderers.buffers import borrow
+from ibrpipe.renderers.epipolar.options import EpipolarOptions, Search
 from ibrpipe.renderers.epipolar.samples import Raster, build_raster, cast_raster, shade_raster
 from ibrpipe.renderers.fields import Field, PatchField
 from ibrpipe.renderers.frames import limited_threads, make_frame
@@ -23,8 +23,6 @@ from ibrpipe.renderers.scene import prepare as prepare_scene
 from ibrpipe.renderers.search.epipolar_lines import EYE, Map, cast_map, patch_map
 from ibrpipe.types import Array, Camera, Frame, Texture
 from ibrpipe.types.renderable import GridSource
-
-SEARCHES = ("exact", "nearest", "linear")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,23 +55,21 @@ def prepare(textures: tuple[GridSource, ...]) -> Maps:
     return Maps(scene, (*(one for one in layered if one is not None), *scene.maps), plain)
 
 
-def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], search: str = "exact", threads: int = 0) -> Frame:
+def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], options: EpipolarOptions) -> Frame:
     """Render one frame; see `ibrpipe.render`."""
-    if search not in SEARCHES:
-        raise RendererError(f"search is {search!r}; choose among: {', '.join(SEARCHES)}")
     began = perf_counter()
     stats: dict[str, Any] = {"rays": camera.width * camera.height}
-    with limited_threads(threads):
-        hits = find_hits(maps, camera, search, stats)
+    with limited_threads(options.threads):
+        hits = find_hits(maps, camera, options.search, stats)
         color, known = None, None
         if {"color", "alpha"} & set(outputs):
-            color, known = _shade(maps, hits, camera, search)
+            color, known = _shade(maps, hits, camera, options.search)
             stats["hits"] = int(np.count_nonzero(known))
     stats["milliseconds"] = 1e3 * (perf_counter() - began)
     return make_frame(outputs, hits.depth, color, known, stats)
 
 
-def _shade(maps: Maps, hits: Hits, camera: Camera, search: str) -> tuple[Array, Array]:
+def _shade(maps: Maps, hits: Hits, camera: Camera, search: Search) -> tuple[Array, Array]:
     """Return colour (H, W, 3) of hits and where it is known (H, W), float32."""
     if search == "exact":
         return shade_hits(maps.scene, hits, camera)
@@ -83,7 +79,7 @@ def _shade(maps: Maps, hits: Hits, camera: Camera, search: str) -> tuple[Array, 
     return color, known
 
 
-def find_hits(maps: Maps, camera: Camera, search: str = "exact", stats: dict[str, Any] | None = None) -> Hits:
+def find_hits(maps: Maps, camera: Camera, search: Search = "exact", stats: dict[str, Any] | None = None) -> Hits:
     """Find the nearest hit of every pixel's ray over all maps; the numbers of hits are valid until the next call."""
     depth = np.full((camera.height, camera.width), np.inf, np.float32)
     ids = borrow("epipolar hits", depth.size, np.uint32, 2**32 - 1).reshape(depth.shape)

@@ -1,4 +1,4 @@
-"""The `prewarp` renderer: 1-D pre-warp of relief textures, then planar texture mapping. Source: oliveira2000.
+"""What the `prewarp` renderer does: 1-D pre-warp of relief textures, then planar texture mapping. Source: oliveira2000.
 
 Departures from the paper stand in ``docs/renderers/prewarp.md``.
 """
@@ -15,19 +15,16 @@ import numpy as np
 
 from ibrpipe.core.prewarp import area as prewarp_area
 from ibrpipe.core.prewarp import view as prewarp_view
-from ibrpipe.errors import RendererError
-from ibrpipe.renderers import ldi
 from ibrpipe.renderers.frames import limited_threads, make_frame
+from ibrpipe.renderers.ldi import renderer as ldi
+from ibrpipe.renderers.ldi.options import LdiOptions
 from ibrpipe.renderers.prewarp.box import Box, draw_box, find_box
 from ibrpipe.renderers.prewarp.faces import Face, Sight, plane_face, sight, wall_face, wide_plane, wide_wall
+from ibrpipe.renderers.prewarp.options import PrewarpOptions
 from ibrpipe.renderers.prewarp.passes import BESIDE, Settings, warp_face, warp_face_by_area
 from ibrpipe.renderers.prewarp.source import Relief, build_relief
+from ibrpipe.renderers.scene import prepare as prepare_exact
 from ibrpipe.types import Array, Camera, Frame
-
-METHODS = ("two-pass", "pipelined")
-FALLBACKS = ("auto", "never", "always")
-QUADS = ("auto", "each")
-FILTERS = ("point", "area")
 
 _NO_DEPTH, _NO_OWNER = np.empty((0, 0), np.float32), np.empty((0, 0), np.uint8)
 
@@ -116,48 +113,19 @@ def prepare(textures: tuple[Any, ...]) -> Scene:
     return Scene(tuple(build_relief(texture) for texture in textures))
 
 
-def draw(
-    scene: Scene,
-    camera: Camera,
-    outputs: tuple[str, ...],
-    method: str = "two-pass",
-    depth_bits: int = 32,
-    level: int | str = "auto",
-    max_step: float | None = None,
-    fallback: str = "auto",
-    quads: str = "auto",
-    filter: str = "point",
-    threads: int = 0,
-) -> Frame:
+def draw(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: PrewarpOptions) -> Frame:
     """Render one frame; see `ibrpipe.render` and, for the options, ``docs/renderers/prewarp.md``."""
-    if method not in METHODS:
-        raise RendererError(f"method is {method!r}; choose among: {', '.join(METHODS)}")
-    if depth_bits not in (8, 32):
-        raise RendererError(f"depth_bits is {depth_bits!r}; heights are carried as 8 bits or 32")
-    if level != "auto" and not (isinstance(level, int) and level >= 0):
-        raise RendererError(f"level is {level!r}; give auto, or the level of the pyramid, 0 or more")
-    if max_step is not None and not max_step > 0:
-        raise RendererError(f"max_step is {max_step}; give a positive number of texels, or None")
-    if fallback not in FALLBACKS:
-        raise RendererError(f"fallback is {fallback!r}; choose among: {', '.join(FALLBACKS)}")
-    if quads not in QUADS:
-        raise RendererError(f"quads is {quads!r}; choose among: {', '.join(QUADS)}")
-    if filter not in FILTERS:
-        raise RendererError(f"filter is {filter!r}; choose among: {', '.join(FILTERS)}")
-    settings = Settings(method, depth_bits, filter == "area")
+    settings = Settings(options.method, options.depth_bits, options.filter == "area")
     began = perf_counter()
-    if method == "two-pass" and not settings.area:
+    if options.method == "two-pass" and not settings.area:
         BESIDE.begin()
     shaded = bool({"color", "alpha"} & set(outputs))
     canvas = Canvas.blank(camera.height, camera.width, shaded)
-    with limited_threads(threads):
-        near = [fallback == "always" or (fallback == "auto" and _is_near(each, camera)) for each in scene.reliefs]
-        chosen = [
-            relief.level(projected_level(relief, camera) if level == "auto" else int(level)).joined_up_to(max_step)
-            for relief in scene.reliefs
-        ]
+    with limited_threads(options.threads):
+        near = [_is_exact(relief, camera, options.fallback) for relief in scene.reliefs]
+        chosen = [_leveled(relief, camera, options) for relief in scene.reliefs]
         shown = 0
-        if quads == "auto" and not settings.area and not any(near) and scene.box is not None:
+        if options.quads == "auto" and not settings.area and not any(near) and scene.box is not None:
             shown = _draw_object(tuple(chosen), camera, settings, canvas)
         for relief, each, exact in zip(scene.reliefs, chosen, near, strict=True):
             if exact:
@@ -212,6 +180,17 @@ def _draw_object(reliefs: tuple[Relief, ...], camera: Camera, settings: Settings
     return shown
 
 
+def _is_exact(relief: Relief, camera: Camera, fallback: str) -> bool:
+    """Whether a relief is searched exactly instead of warped."""
+    return fallback == "always" or (fallback == "auto" and _is_near(relief, camera))
+
+
+def _leveled(relief: Relief, camera: Camera, options: PrewarpOptions) -> Relief:
+    """Return the level of a relief's pyramid that is warped, its texels joined as asked for."""
+    level = projected_level(relief, camera) if options.level == "auto" else options.level
+    return relief.level(level).joined_up_to(options.max_step)
+
+
 def _is_near(relief: Relief, camera: Camera) -> bool:
     """Whether the eye is inside the relief's box or within a few texels of it (sec. 6), or it has hardly any texels."""
     low, high = relief.range
@@ -228,9 +207,9 @@ def _is_near(relief: Relief, camera: Camera) -> bool:
 def _draw_exact(relief: Relief, camera: Camera, canvas: Canvas) -> None:
     """Render by the exact search of renderer ldi: the micro-polygons of a relief that is too near."""
     if "exact" not in relief.made:
-        relief.made["exact"] = ldi.prepare((relief.source,))
+        relief.made["exact"] = prepare_exact((relief.source,))
     outputs = ("color", "depth", "alpha") if canvas.shaded else ("depth",)
-    frame = ldi.draw(relief.made["exact"], camera, outputs, residuals=False)
+    frame = ldi.draw(relief.made["exact"], camera, outputs, LdiOptions(residuals=False))
     canvas.fill()
     found = np.asarray(frame.depth)
     nearer = found < canvas.depth

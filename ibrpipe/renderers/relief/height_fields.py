@@ -15,6 +15,7 @@ from ibrpipe.core.relief.pyramid import build_pyramid
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.background_compile import FirstCall, Kernel
 from ibrpipe.renderers.fields import HeightField, Place, _place
+from ibrpipe.renderers.relief.options import ReliefOptions
 from ibrpipe.renderers.search.epipolar_lines import Map, cast_map, height_map
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, Texture
 
@@ -91,18 +92,18 @@ class Field:
         lines = self.lines.bytes if self.lines else 0
         return lines + (self.pyramid[1].nbytes if "pyramid" in self.__dict__ else 0)
 
-    def search(self, camera: Camera, method: str, steps: int, halvings: int, depth: Array, places: Array) -> None:
+    def search(self, camera: Camera, options: ReliefOptions, depth: Array, places: Array) -> None:
         """Lower `depth` (h, w) float32 where this field is hit nearer; `places` (h, w, 2) or empty: hits in cells."""
         if not self.grid[2] <= self.grid[3]:
             return
-        if method == "exact" and self.lines is not None:
+        if options.search == "exact" and self.lines is not None:
             _search_lines(self.lines, camera, depth, places)
             return
         start, turn = self.place.rays(camera)
         plan, nodes = self.pyramid
         window = np.array([0, camera.width, 0, camera.height])
         rays = np.ascontiguousarray(start[:3]), np.ascontiguousarray(turn[:3]).ravel()
-        if method == "exact":
+        if options.search == "exact":
             padded = self.grid.copy()
             BESIDE.wait()
             padded[2], padded[3] = self.grid[0], self.grid[0] + STEPS / self.grid[1]
@@ -121,7 +122,17 @@ class Field:
             return
         side = -1.0 if self.front else self.outside(rays[0])
         relief_linear.search_linear(
-            pairs(self.height), nodes, plan, self.grid, *rays, side, steps, halvings, window, depth, places
+            pairs(self.height),
+            nodes,
+            plan,
+            self.grid,
+            *rays,
+            side,
+            options.linear_steps,
+            options.binary_steps,
+            window,
+            depth,
+            places,
         )
 
     def outside(self, eye: Array) -> float:

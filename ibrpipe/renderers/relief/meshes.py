@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ibrpipe.core.normals import incidence, weld
 from ibrpipe.core.relief_mesh import hit, raster, shade
@@ -16,8 +15,9 @@ from ibrpipe.core.relief_mesh.frames import FACE_SIZE, corner_frames, face_axes
 from ibrpipe.core.relief_mesh.map import build_bounds, pad_layer, plan_levels, shift_of, slopes
 from ibrpipe.core.relief_mesh.mips import build_mips
 from ibrpipe.core.relief_mesh.tree import find_walls, fit_boxes, sort_faces
-from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
+from ibrpipe.errors import RendererError, ShapeError
 from ibrpipe.renderers.background_compile import FirstCall, Kernel
+from ibrpipe.renderers.relief.options import ReliefOptions
 from ibrpipe.types import Array, Camera
 from ibrpipe.types.relief_mesh import ReliefMesh
 
@@ -25,7 +25,6 @@ from ibrpipe.types.relief_mesh import ReliefMesh
 CREASE = math.cos(math.radians(40.0))
 #: sheets of polygons that are looked through, one behind the other, at most
 SHEETS = 32
-MODELS = ("flat", "shell")
 MAPPINGS = {"plain": 0.0, "bump": 1.0, "parallax": 2.0, "relief": 3.0}
 
 _LAYERS = "Tuple((float32[:,::1], float32[:,::1], float32[::1], float32[::1], int64[::1]))"
@@ -59,75 +58,22 @@ BESIDE = FirstCall(
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Look:
-    """How relief-mapped meshes are drawn; the options of `ibrpipe.render`.
-
-    Attributes
-    ----------
-    mapping : {"relief", "parallax", "bump", "plain"}
-    model : {"flat", "shell"}
-        Rays are straight below the polygon that they meet, or pass through the shell of prisms below all polygons.
-    search : {"exact", "linear-binary"}
-    steps, halvings, least : int
-        Linear steps at grazing views, halvings, linear steps along the normal.
-    light : (3,) or (4,) floats or None
-        Place of a lamp in the world; a fourth number 0 makes it a direction toward it. None: colours as they are.
-    ambient, diffuse, specular : float or three
-    shininess : float
-    shadows : bool
-    anisotropy : int
-        Probes of a pixel's footprint; 0: the nearest four texels.
-    two_sided : bool
-        Polygons are seen from behind, without relief.
-    """
-
-    mapping: str = "relief"
-    model: str = "flat"
-    search: str = "exact"
-    steps: int = 32
-    halvings: int = 8
-    least: int = 10
-    light: Any = None
-    ambient: Any = 0.25
-    diffuse: Any = 0.75
-    specular: Any = 0.15
-    shininess: float = 20.0
-    shadows: bool = True
-    anisotropy: int = 8
-    two_sided: bool = False
-
-    def __post_init__(self) -> None:
-        if self.mapping not in MAPPINGS:
-            raise RendererError(f"mapping is {self.mapping!r}; choose among: {', '.join(MAPPINGS)}")
-        if self.model not in MODELS:
-            raise RendererError(f"model is {self.model!r}; choose among: {', '.join(MODELS)}")
-        if self.model == "shell" and self.mapping != "relief":
-            raise RendererError(f"model 'shell' shows a relief, not mapping {self.mapping!r}; choose model 'flat'")
-        if not 0 <= self.anisotropy <= 64 or not 0 <= self.shininess <= 1e4:
-            raise RendererError(f"anisotropy is {self.anisotropy} (0 to 64), shininess {self.shininess} (0 to 10000)")
-        if self.light is not None and not (np.size(self.light) in (3, 4) and np.isfinite(self.light).all()):
-            raise RendererError(f"light is {self.light}; give a place (x, y, z) or a direction (x, y, z, 0)")
-        for name in ("ambient", "diffuse", "specular"):
-            value = np.asarray(getattr(self, name), float)
-            if value.size not in (1, 3) or not (np.isfinite(value).all() and (value >= 0).all()):
-                raise RendererError(f"{name} is {getattr(self, name)}; give one or three numbers of at least 0")
-
-    def lamp(self, eye: Array, slopes: bool) -> Array:
-        """Return the lamp as :mod:`ibrpipe.core.relief_mesh.shade` wants it."""
-        core = shade
-        lamp = np.zeros(core.LAMPS)
-        lamp[core.PROBES], lamp[core.SLOPES] = self.anisotropy, slopes
-        if self.light is None:
-            return lamp
-        light = np.asarray(self.light, np.float64)
-        lamp[core.LIT], lamp[core.IS_PLACE] = 1.0, 1.0 if light.size == 3 or light[3] != 0.0 else 0.0
-        lamp[core.WAY : core.WAY + 3] = light[:3] - (eye if lamp[core.IS_PLACE] else 0.0)
-        for slot, value in ((core.AMBIENT, self.ambient), (core.DIFFUSE, self.diffuse), (core.SPECULAR, self.specular)):
-            lamp[slot : slot + 3] = value
-        lamp[core.SHININESS], lamp[core.SHADOWS] = self.shininess, self.shadows
-        lamp[core.BIAS] = 1e-4 if self.search == "exact" else 0.05
+def pack_lamp(options: ReliefOptions, eye: Array, slopes: bool) -> Array:
+    """Return the lamp as :mod:`ibrpipe.core.relief_mesh.shade` wants it; `slopes`: normals come from the heights."""
+    core = shade
+    lamp = np.zeros(core.LAMPS)
+    lamp[core.PROBES], lamp[core.SLOPES] = options.anisotropy, slopes
+    if options.light is None:
         return lamp
+    light = np.array(options.light)
+    lamp[core.LIT], lamp[core.IS_PLACE] = 1.0, 1.0 if light.size == 3 or light[3] != 0.0 else 0.0
+    lamp[core.WAY : core.WAY + 3] = light[:3] - (eye if lamp[core.IS_PLACE] else 0.0)
+    shares = ((core.AMBIENT, options.ambient), (core.DIFFUSE, options.diffuse), (core.SPECULAR, options.specular))
+    for slot, share in shares:
+        lamp[slot : slot + 3] = share
+    lamp[core.SHININESS], lamp[core.SHADOWS] = options.shininess, options.shadows
+    lamp[core.BIAS] = 1e-4 if options.search == "exact" else 0.05
+    return lamp
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,44 +118,42 @@ class MeshPart:
         )
         return sum(array.nbytes for array in arrays)
 
-    def places(self, eye: Array, vertices: ArrayLike | None = None) -> Array:
-        """Return the vertices counted from the eye; `vertices` replaces those of the source.
+    def local_vertices(self, eye: Array, vertices: Array | None = None) -> Array:
+        """Return the vertices (V, 3) counted from the eye; `vertices`, finite, replaces those of the source.
 
         Raises
         ------
-        ShapeError, ValueRangeError
-            `vertices` are not as many as the source's, or not finite.
+        ShapeError
+            `vertices` are not as many as the source's.
         """
         own = self.source.mesh.vertices
-        places = own if vertices is None else np.ascontiguousarray(vertices, np.float64)
-        if places.shape != own.shape:
-            raise ShapeError(f"vertices must be {own.shape} as in the source, got {places.shape}")
-        if vertices is not None and not np.isfinite(places).all():
-            raise ValueRangeError("vertices hold NaN or infinity; every coordinate must be finite")
-        return np.ascontiguousarray(places[self.first] - eye)
+        moved = own if vertices is None else vertices
+        if moved.shape != own.shape:
+            raise ShapeError(f"vertices must be {own.shape} as in the source, got {moved.shape}")
+        return np.ascontiguousarray(moved[self.first] - eye)
 
-    def frames(self, places: Array, smooth: bool = False) -> Array:
+    def frames(self, local: Array, smooth: bool = False) -> Array:
         """(F, 3, 9) float32 normal and texture axes of every corner; smooth: normals heed no crease."""
         axes, frames = np.empty((len(self.corners), FACE_SIZE)), np.empty((len(self.corners), 3, 9), np.float32)
-        face_axes(places, self.corners, self.source.uv, axes)
+        face_axes(local, self.corners, self.source.uv, axes)
         corner_frames(self.corners, self.source.uv, *self.around, axes, CREASE, smooth, frames)
         return frames
 
-    def rule(self, look: Look) -> Array:
+    def rule(self, options: ReliefOptions) -> Array:
         """Return the rule as :mod:`ibrpipe.core.relief_mesh.hit` wants it."""
         core, (rows, columns) = hit, self.source.height.shape
         rule = np.zeros(core.RULES)
         rule[core.ACROSS], rule[core.DOWN] = columns, rows
         rule[core.SHIFT], rule[core.DEEP] = shift_of(self.source.edges == "wrap"), self.source.thickness
-        rule[core.MAPPING], rule[core.EXACT] = MAPPINGS[look.mapping], look.search == "exact"
-        rule[core.STEPS], rule[core.HALVINGS], rule[core.LEAST] = look.steps, look.halvings, look.least
+        rule[core.MAPPING], rule[core.EXACT] = MAPPINGS[options.mapping], options.search == "exact"
+        rule[core.STEPS], rule[core.HALVINGS] = options.linear_steps, options.binary_steps
+        rule[core.LEAST] = options.least_steps
         return rule
 
     def draw(
         self,
         camera: Camera,
-        look: Look,
-        vertices: ArrayLike | None,
+        options: ReliefOptions,
         depth: Array,
         color: Array | None,
         alpha: Array | None,
@@ -220,12 +164,13 @@ class MeshPart:
             np.zeros(size, np.uint8),
             *(np.empty((*size, k), t) if some else np.empty((0, 0, k), t) for k, t in _PLACES),
         )
-        local, ways, rule = self.places(camera.center, vertices), camera.world_from_pixel, self.rule(look)
-        search = self._search_shell if look.model == "shell" else self._search_sheets
-        sheets = search(local, camera, look, rule, vertices is not None, depth, buffers)
+        local = self.local_vertices(camera.center, options.vertices)
+        ways, rule = camera.world_from_pixel, self.rule(options)
+        search = self._search_shell if options.model == "shell" else self._search_sheets
+        sheets = search(local, camera, options, rule, depth, buffers)
         if color is not None and alpha is not None:
             mine, places, turns = buffers
-            lamp = look.lamp(camera.center, self.source.normal is None)
+            lamp = pack_lamp(options, camera.center, self.source.normal is None)
             BESIDE.wait()
             shade.shade_hits(
                 mine, depth, places, turns, self.layers, rule, lamp, ways, self.colors, self.normals, color, alpha
@@ -233,11 +178,12 @@ class MeshPart:
         return sheets
 
     def _search_sheets(
-        self, local: Array, camera: Camera, look: Look, rule: Array, moved: bool, depth: Array, buffers: Any
+        self, local: Array, camera: Camera, options: ReliefOptions, rule: Array, depth: Array, buffers: Any
     ) -> int:
         """Search below the nearest polygon of each pixel, then below those behind it that are nearer than the hit."""
         source, size = self.source, depth.shape
         frames = self.frames(local)
+        moved = options.vertices is not None
         if not moved and source.normals is not None:
             frames[:, :, :3] = source.normals
         if not moved and source.tangents is not None:
@@ -245,7 +191,7 @@ class MeshPart:
         mesh, ways = (local, self.corners, source.uv, frames), camera.world_from_pixel
         BESIDE.wait()
         bounds = np.empty((len(self.corners), 4), np.int32)
-        raster.bound_faces(local, self.corners, camera.K @ camera.R, look.two_sided, size[1], size[0], bounds)
+        raster.bound_faces(local, self.corners, camera.K @ camera.R, options.two_sided, size[1], size[0], bounds)
         after, layer, face = np.zeros(size), np.empty(size), np.empty(size, np.int32)
         sheets = 0
         while sheets < SHEETS and raster.draw_faces(local, self.corners, bounds, ways, after, depth, layer, face):
@@ -255,7 +201,7 @@ class MeshPart:
         return sheets
 
     def _search_shell(
-        self, local: Array, camera: Camera, look: Look, rule: Array, moved: bool, depth: Array, buffers: Any
+        self, local: Array, camera: Camera, options: ReliefOptions, rule: Array, depth: Array, buffers: Any
     ) -> int:
         """Search the prisms below all polygons along every ray."""
         normals = np.empty((len(local), 3))

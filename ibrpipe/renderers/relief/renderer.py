@@ -1,4 +1,4 @@
-"""The `relief` renderer: height fields and relief-mapped meshes searched ray by ray. Source: policarpo2005.
+"""What the `relief` renderer does: height fields and relief-mapped meshes searched ray by ray. Source: policarpo2005.
 
 The searches, the surface that they hit and the departures from the paper stand in ``docs/renderers/relief.md``.
 """
@@ -10,17 +10,16 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ibrpipe.core.relief import shade
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.frames import limited_threads, make_frame
 from ibrpipe.renderers.relief.height_fields import Field, build_field
-from ibrpipe.renderers.relief.meshes import Look, MeshPart, build_mesh
+from ibrpipe.renderers.relief.meshes import MeshPart, build_mesh
+from ibrpipe.renderers.relief.options import ReliefOptions
 from ibrpipe.types import Array, Camera, Frame
 from ibrpipe.types.relief_mesh import ReliefMesh
-
-SEARCHES = ("exact", "linear-binary")
+from ibrpipe.types.renderable import Renderable
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,45 +34,29 @@ class Scene:
         return sum(part.bytes for part in self.parts)
 
 
-def prepare(textures: tuple[Any, ...]) -> Scene:
+def prepare(sources: tuple[Renderable, ...]) -> Scene:
     """Build the pyramids of all sources."""
     return Scene(
-        tuple(build_mesh(source) if isinstance(source, ReliefMesh) else build_field(source) for source in textures)
+        tuple(build_mesh(source) if isinstance(source, ReliefMesh) else build_field(source) for source in sources)
     )
 
 
-def draw(
-    scene: Scene,
-    camera: Camera,
-    outputs: tuple[str, ...],
-    search: str = "exact",
-    linear_steps: int = 32,
-    binary_steps: int = 8,
-    threads: int = 0,
-    least_steps: int = 10,
-    vertices: ArrayLike | None = None,
-    **look: Any,
-) -> Frame:
+def draw(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: ReliefOptions) -> Frame:
     """Render one frame; see `ibrpipe.render`."""
-    if search not in SEARCHES:
-        raise RendererError(f"search is {search!r}; choose among: {', '.join(SEARCHES)}")
-    if not (1 <= linear_steps <= 4096 and 0 <= binary_steps <= 64):
-        raise RendererError(f"linear_steps is {linear_steps} (1 to 4096), binary_steps {binary_steps} (0 to 64)")
-    style = Look(search=search, steps=linear_steps, halvings=binary_steps, least=least_steps, **look)
     meshes = sum(isinstance(part, MeshPart) for part in scene.parts)
-    if vertices is not None and meshes != 1:
+    if options.vertices is not None and meshes != 1:
         raise RendererError(f"vertices deform one relief mesh, the scene has {meshes}; render them one by one")
     began = perf_counter()
     shape = (camera.height, camera.width)
     depth = np.full(shape, np.inf, np.float32)
     shaded = bool({"color", "alpha"} & set(outputs))
     color, alpha = (np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)) if shaded else (None, None)
-    with limited_threads(threads):
+    with limited_threads(options.threads):
         for part in scene.parts:
             if isinstance(part, MeshPart):
-                part.draw(camera, style, vertices, depth, color, alpha)
+                part.draw(camera, options, depth, color, alpha)
             else:
-                _draw_field(part, camera, search, linear_steps, binary_steps, depth, color, alpha)
+                _draw_field(part, camera, options, depth, color, alpha)
     stats: dict[str, Any] = {"rays": depth.size, "milliseconds": 1e3 * (perf_counter() - began)}
     if alpha is not None:
         stats["hits"] = int(np.count_nonzero(alpha))
@@ -81,18 +64,11 @@ def draw(
 
 
 def _draw_field(
-    field: Field,
-    camera: Camera,
-    search: str,
-    steps: int,
-    halvings: int,
-    depth: Array,
-    color: Array | None,
-    alpha: Array | None,
+    field: Field, camera: Camera, options: ReliefOptions, depth: Array, color: Array | None, alpha: Array | None
 ) -> None:
     before = depth.copy() if color is not None else depth
     places = np.empty((*depth.shape, 2) if color is not None else (0, 0, 2))
-    field.search(camera, search, steps, halvings, depth, places)
+    field.search(camera, options, depth, places)
     if color is not None and alpha is not None:
         mine = depth < before
         color[mine], alpha[mine] = 0.0, 0.0

@@ -1,4 +1,4 @@
-"""The `splat` renderer: forward warp of reference samples, the baseline of schaufler1999, sec. 3.
+"""What the `splat` renderer does: forward warp of reference samples, the baseline of schaufler1999, sec. 3.
 
 Every sample of the first layer is projected and covers the pixels of its footprint, nearest first. Where the reference
 is sampled too sparsely, on surfaces turned away from it, holes and steps remain: what inverse warping avoids.
@@ -13,23 +13,19 @@ import numpy as np
 
 from ibrpipe.core import splat
 from ibrpipe.core.ldi.project_heights import merge
-from ibrpipe.errors import RendererError
-from ibrpipe.renderers.epipolar.renderer import Maps, prepare
+from ibrpipe.renderers.epipolar.renderer import Maps
 from ibrpipe.renderers.epipolar.samples import shade_raster
 from ibrpipe.renderers.frames import limited_threads, make_frame
 from ibrpipe.renderers.scene import Hits
+from ibrpipe.renderers.splat.options import SplatOptions
 from ibrpipe.types import Camera, Frame
 
-__all__ = ["draw", "prepare"]
 
-
-def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], footprint: float = 1.0, threads: int = 0) -> Frame:
+def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], options: SplatOptions) -> Frame:
     """Render one frame; see `ibrpipe.render`."""
-    if not 0.0 <= footprint <= 16.0:
-        raise RendererError(f"footprint is {footprint}; give 0 to 16 texels")
     began = perf_counter()
-    with limited_threads(threads):
-        hits = _splat(maps, camera, float(footprint))
+    with limited_threads(options.threads):
+        hits = _splat(maps, camera, float(options.footprint))
         color, known = None, None
         if {"color", "alpha"} & set(outputs):
             color, known = np.zeros((*hits.depth.shape, 3), np.float32), np.zeros(hits.depth.shape, np.float32)

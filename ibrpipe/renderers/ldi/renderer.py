@@ -1,4 +1,4 @@
-"""The `ldi` renderer: nearest hit over all fields, then colour, then (where there is any) view dependence.
+"""What the `ldi` renderer does: nearest hit over all fields, then colour, then (where there is any) view dependence.
 
 Source: gong-yang, sec. 5: the view-independent picture is complete before the residual pass starts. The surface that
 is hit, the two searches, and the departures from the paper stand in ``docs/renderers/ldi.md``.
@@ -14,61 +14,37 @@ import numba
 import numpy as np
 
 from ibrpipe.core.ldi import project, project_heights
-from ibrpipe.errors import RendererError
-from ibrpipe.renderers.api import Prepared, Source
-from ibrpipe.renderers.api import prepare as prepare_source
 from ibrpipe.renderers.frames import limited_threads, make_frame
-from ibrpipe.renderers.scene import Hits, Scene, prepare, shade_hits
+from ibrpipe.renderers.ldi.options import LdiOptions, Search
+from ibrpipe.renderers.scene import Hits, Scene, shade_hits
 from ibrpipe.renderers.search.epipolar_lines import EYE, cast_map
 from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.types import Array, Camera, Frame
 
-__all__ = ["Scene", "draw", "find_hits", "prepare", "render_progressive"]
-
-SEARCHES = ("auto", "patches", "lines", "quadtree")
 #: cells or patches per pixel above which `auto` asks the rays rather than the patches
 CROWDED = 16
 
 
-def draw(
-    scene: Scene,
-    camera: Camera,
-    outputs: tuple[str, ...],
-    residuals: bool = True,
-    threads: int = 0,
-    search: str = "auto",
-) -> Frame:
+def draw(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: LdiOptions) -> Frame:
     """Render one frame; see `ibrpipe.render`."""
-    *_, frame = _passes(scene, camera, outputs, residuals, threads, search)
+    *_, frame = passes(scene, camera, outputs, options)
     return frame
 
 
-def render_progressive(source: Source, camera: Camera, threads: int = 0) -> Iterator[Frame]:
-    """Yield the view-independent frame, then (where the source has view dependence) the complete one.
-
-    Source: gong-yang, sec. 5.1, "progressive": the first frame is complete before view dependence is added.
-    """
-    prepared = source if isinstance(source, Prepared) else prepare_source(source, "ldi")
-    scene = prepare_source(prepared, "ldi").data
-    for frame in _passes(scene, camera, ("color", "depth", "alpha"), True, threads, "auto"):
-        color = None if frame.color is None else frame.color.copy()
-        yield Frame(color, frame.depth, frame.alpha, frame.stats)
-
-
-def _passes(
-    scene: Scene, camera: Camera, outputs: tuple[str, ...], residuals: bool, threads: int, search: str
-) -> Iterator[Frame]:
+def passes(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: LdiOptions) -> Iterator[Frame]:
     """Yield the view-independent frame and then, in the same colour array, the complete one."""
     began = perf_counter()
     stats: dict[str, Any] = {"rays": camera.width * camera.height}
-    with limited_threads(threads):
-        hits = find_hits(scene, camera, search)
+    with limited_threads(options.threads):
+        hits = find_hits(scene, camera, options.search)
         color, known = shade_hits(scene, hits, camera) if {"color", "alpha"} & set(outputs) else (None, None)
         if known is not None:
             stats["hits"] = int(np.count_nonzero(known))
         stats["milliseconds"] = 1e3 * (perf_counter() - began)
         yield make_frame(outputs, hits.depth, color, known, stats)
-        if color is not None and known is not None and "color" in outputs and residuals and scene.components:
+        if not (options.residuals and "color" in outputs and scene.components):
+            return
+        if color is not None and known is not None:
             picture = Picture(scene, camera, color, hits.depth, hits.ids, known)
             for component in scene.components:
                 stats.update(component.add(picture))
@@ -76,7 +52,7 @@ def _passes(
             yield make_frame(outputs, hits.depth, color, known, stats)
 
 
-def find_hits(scene: Scene, camera: Camera, search: str = "auto") -> Hits:
+def find_hits(scene: Scene, camera: Camera, search: Search = "auto") -> Hits:
     """Find the nearest hit of every pixel's ray over all fields.
 
     Parameters
@@ -84,14 +60,7 @@ def find_hits(scene: Scene, camera: Camera, search: str = "auto") -> Hits:
     search : {"auto", "patches", "lines", "quadtree"}
         Project the patches, search height fields along whole epipolar lines (layered images are projected), or walk
         every ray through the pyramids; all find the same hits. "auto" takes lines for height fields.
-
-    Raises
-    ------
-    RendererError
-        Unknown search.
     """
-    if search not in SEARCHES:
-        raise RendererError(f"search is {search!r}; choose among: {', '.join(SEARCHES)}")
     pixels = camera.width * camera.height
     by_rays = search == "quadtree" or (search == "auto" and int(scene.firsts[-1]) > CROWDED * pixels)
     if scene.patches and not by_rays:

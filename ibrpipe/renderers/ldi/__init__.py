@@ -1,0 +1,36 @@
+"""The `ldi` renderer: nearest hit over all fields, then colour, then residuals. Source: gong-yang, sec. 5."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ibrpipe.renderers.ldi.options import LdiOptions
+from ibrpipe.renderers.renderer import Renderer
+from ibrpipe.types import Asset, Camera, DepthImage, Frame, LayeredDepthImage, ReliefTexture, SpiralTexture, Texture
+from ibrpipe.types.renderable import GridSource
+
+if TYPE_CHECKING:
+    from ibrpipe.renderers.scene import Scene
+
+
+class LdiRenderer(Renderer["Scene", LdiOptions]):
+    """Exact nearest hits and depth-corrected residuals."""
+
+    name = "ldi"
+    summary = "Exact nearest hit by projected patches or a quadtree; depth-corrected spiral residuals."
+    paper = "gong-yang, sec. 5"
+    limits = "Pinhole cameras; nearest surface only, no transparency."
+    accepts = (ReliefTexture, DepthImage, LayeredDepthImage, SpiralTexture, Texture, Asset)
+    Options = LdiOptions
+
+    def prepare(self, sources: tuple[GridSource, ...]) -> Scene:
+        """Build the fields of all sources, and the tables of their residuals."""
+        from ibrpipe.renderers.scene import prepare
+
+        return prepare(sources)
+
+    def draw(self, data: Scene, camera: Camera, outputs: tuple[str, ...], options: LdiOptions) -> Frame:
+        """Find the hits, shade them, add residuals."""
+        from ibrpipe.renderers.ldi.renderer import draw
+
+        return draw(data, camera, outputs, options)
