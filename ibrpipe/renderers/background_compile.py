@@ -39,7 +39,7 @@ class Kernel:
 
 
 @dataclass
-class FirstCall:
+class BackgroundCompile:
     """What a second process compiles for the first call of a renderer.
 
     `meanwhile`: what the first process compiles, if it is to wait, before it does.

@@ -23,7 +23,7 @@ STEEPEST = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class Pose:
     """Where a field lies: homogeneous coordinates of a world point X are ``linear @ (X - origin) + shift``.
 
     Attributes
@@ -38,11 +38,19 @@ class Place:
     shift: Array
     perspective: bool
 
-    def rays(self, camera: Camera) -> tuple[Array, Array]:
-        """(start (4,), turn (4, 3)): field coordinates of a pixel's ray are ``start + t * turn @ (px, py, 1)``."""
+    def field_from_pixel(self, camera: Camera) -> tuple[Array, Array]:
+        """Rays in homogeneous field coordinates: at camera depth t, ``start + t * directions @ (px, py, 1)``.
+
+        Returns
+        -------
+        start : (4,) float64
+            The eye.
+        directions : (4, 3) float64
+            Its columns are the directions for px, py and 1.
+        """
         return self.linear @ (camera.center - self.origin) + self.shift, self.linear @ camera.world_from_pixel
 
-    def pixels(self, camera: Camera) -> Array:
+    def pixel_from_field(self, camera: Camera) -> Array:
         """(3, 4) float64, (u, v, d, 1) to homogeneous pixels; the weight is camera depth (perspective: over own z)."""
         project = camera.K @ camera.R
         offset = project @ (self.origin - camera.center)
@@ -66,7 +74,7 @@ class Place:
 class HeightField:
     """A height field: `height` (H, W) float32 at texel centres, `color` (H, W, 3); bounds of its blocks of cells."""
 
-    place: Place
+    pose: Pose
     height: Array
     color: Array
     low: Array
@@ -77,7 +85,7 @@ class HeightField:
         """Size in scene units."""
         some = np.isfinite(self.low)
         rows, columns = self.height.shape
-        return self.place.reach(columns, rows, np.concatenate([self.low[some], self.high[some]]))
+        return self.pose.reach(columns, rows, np.concatenate([self.low[some], self.high[some]]))
 
     @property
     def cells(self) -> int:
@@ -103,7 +111,7 @@ class PatchField:
     color : (S, 4) float32, linear; fourth 1 where the colour is known, 0 where no photo saw the sample
     """
 
-    place: Place
+    pose: Pose
     corners: Array
     masks: Array
     cells: Array
@@ -114,7 +122,7 @@ class PatchField:
     def reach(self) -> float:
         """Size in scene units."""
         columns, rows = self.cells.max(axis=0, initial=0) + 1
-        return self.place.reach(columns, rows, self.corners)
+        return self.pose.reach(columns, rows, self.corners)
 
     @property
     def bytes(self) -> int:
@@ -149,7 +157,7 @@ def build_field(source: GridSource) -> Field:
     )
 
 
-def _place(frame: ParallelFrame | Camera, first: float) -> Place:
+def field_pose(frame: ParallelFrame | Camera, first: float) -> Pose:
     """Texel coordinates (first, first) become cell coordinates (0, 0)."""
     linear, shift = np.zeros((4, 3)), np.zeros(4)
     if isinstance(frame, Camera):
@@ -157,10 +165,10 @@ def _place(frame: ParallelFrame | Camera, first: float) -> Place:
         linear[0] -= first * linear[3]
         linear[1] -= first * linear[3]
         shift[2] = -1.0
-        return Place(linear, frame.center, shift, True)
+        return Pose(linear, frame.center, shift, True)
     linear[:3] = frame.local_from_world
     shift[:] = (-first, -first, 0.0, 1.0)
-    return Place(linear, frame.origin, shift, False)
+    return Pose(linear, frame.origin, shift, False)
 
 
 def _height_field(source: ReliefTexture) -> HeightField:
@@ -168,7 +176,7 @@ def _height_field(source: ReliefTexture) -> HeightField:
     blocks = (-(-rows // project_heights.BLOCK_ROWS), -(-columns // project_heights.BLOCK_COLUMNS))
     low, high = np.empty(blocks, np.float32), np.empty(blocks, np.float32)
     project_heights.bound_blocks(source.height, low, high)
-    return HeightField(_place(source.frame, 0.5), source.height, source.color, low, high)
+    return HeightField(field_pose(source.frame, 0.5), source.height, source.color, low, high)
 
 
 def _steps(layers: LayeredDepthImage) -> tuple[Array, Array, Array]:
@@ -209,7 +217,7 @@ def _patch_field(layers: LayeredDepthImage, gap: float) -> PatchField:
     cells = np.stack([cell % columns, cell // columns], axis=1).astype(np.int32)
     seen = np.ones(len(depth)) if layers.observers is None else layers.observers > 0
     color = np.column_stack([layers.color, seen]).astype(np.float32)
-    return PatchField(_place(layers.frame, -0.5), corners, masks, cells, samples, color)
+    return PatchField(field_pose(layers.frame, -0.5), corners, masks, cells, samples, color)
 
 
 def _patches(layers: LayeredDepthImage, depth: Array, step: Array, margin: Array, gap: float) -> tuple[Array, Array]:

@@ -117,11 +117,11 @@ def shade_hits(scene: Scene, hits: Hits, camera: Camera) -> tuple[Array, Array]:
     """Return the view-independent colour (H, W, 3) of `hits` and where it is known (H, W), float32."""
     color, known = np.zeros((*hits.depth.shape, 3), np.float32), np.zeros(hits.depth.shape, np.float32)
     if scene.patches:
-        rays = [field.place.rays(camera) for _, field in scene.patches]
-        starts, turns = (np.stack(part) for part in zip(*rays, strict=True))
+        rays = [field.pose.field_from_pixel(camera) for _, field in scene.patches]
+        starts, directions = (np.stack(part) for part in zip(*rays, strict=True))
         records, colors = scene.records
-        shade.shade_patches(hits.depth, hits.ids, records, starts, turns, colors, color, known)
+        shade.shade_patches(hits.depth, hits.ids, records, starts, directions, colors, color, known)
     for _, field, base in scene.heights:
-        start, turn = field.place.rays(camera)
-        shade.shade_heights(hits.depth, hits.ids, base, start, turn, field.color, color, known)
+        start, directions = field.pose.field_from_pixel(camera)
+        shade.shade_heights(hits.depth, hits.ids, base, start, directions, field.color, color, known)
     return color, known

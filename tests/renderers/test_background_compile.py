@@ -15,7 +15,7 @@ from numba.core.sigutils import normalize_signature
 import ibrpipe
 import ibrpipe.types
 from ibrpipe.renderers import background_compile
-from ibrpipe.renderers.background_compile import FirstCall, Kernel
+from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
 from ibrpipe.renderers.prewarp import passes
 from ibrpipe.renderers.relief import height_fields, meshes
 from ibrpipe.renderers.search import epipolar_lines
@@ -23,7 +23,7 @@ from ibrpipe.renderers.search import epipolar_lines
 SMALL = Kernel("relief.shade", "place_hits", "(float32[:,::1], uint32[:,::1], uint32, float64[::1], float64[:,::1], "
                "float64[:,:,::1])")  # fmt: skip
 #: renderer -> what is compiled for it; `meanwhile` of the maps serves `relief`, too
-LISTED = {"prewarp": passes.BESIDE, "relief": height_fields.BESIDE, "ldi": epipolar_lines.BESIDE}
+LISTED = {"prewarp": passes.BACKGROUND, "relief": height_fields.BACKGROUND, "ldi": epipolar_lines.BACKGROUND}
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
@@ -47,7 +47,7 @@ def test_what_is_listed_for_meshes_is_what_a_frame_calls():
     mesh = ibrpipe.types.Mesh(corners, np.array([[0, 1, 2]]))
     source = ibrpipe.ReliefMesh(mesh, corners[None, :, :2], np.ones((3, 3)), 0.1)
     ibrpipe.render(source, ibrpipe.Camera.look_at((0, 0.1, 3), (0, 0, 0), width=16, height=12), "relief")
-    for kernel in (*meshes.BESIDE.kernels, *meshes.BESIDE.meanwhile):
+    for kernel in (*meshes.BACKGROUND.kernels, *meshes.BACKGROUND.meanwhile):
         called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
         assert normalize_signature(kernel.types)[0] in called, kernel.name
 
@@ -56,7 +56,7 @@ def test_what_is_listed_for_meshes_is_what_a_frame_calls():
 def test_colours_of_lines_in_relief_are_listed(monkeypatch):
     monkeypatch.setattr(height_fields, "LINES", 0)
     test_what_is_listed_is_what_a_frame_calls("relief")
-    for kernel in epipolar_lines.BESIDE.meanwhile[1:]:
+    for kernel in epipolar_lines.BACKGROUND.meanwhile[1:]:
         called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
         assert normalize_signature(kernel.types)[0] in called, kernel.name
 
@@ -65,9 +65,9 @@ SCRIPT = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from ibrpipe.core.relief import shade as relief_shade
-from ibrpipe.renderers.background_compile import FirstCall, is_cached
+from ibrpipe.renderers.background_compile import BackgroundCompile, is_cached
 from test_background_compile import SMALL
-beside = FirstCall((SMALL,))
+beside = BackgroundCompile((SMALL,))
 assert not is_cached(SMALL)
 beside.begin()
 assert beside._process is not None
@@ -76,7 +76,7 @@ assert is_cached(SMALL)
 from numba.core.sigutils import normalize_signature
 relief_shade.place_hits.compile(normalize_signature(SMALL.types)[0])
 assert sum(relief_shade.place_hits.stats.cache_hits.values()) == 1
-again = FirstCall((SMALL,))
+again = BackgroundCompile((SMALL,))
 again.begin()
 assert again._process is None
 """
@@ -96,7 +96,7 @@ def test_without_a_second_process_nothing_is_waited_for(monkeypatch):
         raise OSError("not permitted")
 
     monkeypatch.setattr(background_compile.subprocess, "Popen", fail)
-    beside = FirstCall((SMALL,))
+    beside = BackgroundCompile((SMALL,))
     beside.begin()
     beside.wait()
     assert beside._process is None

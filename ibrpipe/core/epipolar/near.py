@@ -23,8 +23,8 @@ from numba import prange
 
 from ibrpipe.core.jit import helper, inlined, kernel
 
-#: texels of the reference up to which a ray's way is short; halvings of the way through the texel that is met
-SHORT, HALVINGS = 2.0, 24
+#: texels of the reference up to which a ray's way is short; bisection steps of the way through the texel that is met
+SHORT, BISECTION_STEPS = 2.0, 24
 
 
 @inlined
@@ -82,7 +82,7 @@ def cross_short(u, v, du, dv, first, last, linear, flat, rows, stride, steps):
         over = first + leave * span - before
         if above * over <= 0.0:
             near, far = s, leave
-            for _ in range(HALVINGS):
+            for _ in range(BISECTION_STEPS):
                 s = 0.5 * (near + far)
                 value = depth_in_texel(u + s * du, v + s * dv, i, j, linear, flat, rows, stride, steps)
                 if (first + s * span - value) * above > 0.0:

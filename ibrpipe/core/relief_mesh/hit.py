@@ -21,7 +21,7 @@ from ibrpipe.core.relief_mesh.search import clip_unit, layer_at, search_along, s
 
 #: slots of the rule: texels across and down, cell coordinate of the texture's edge, depth of the relief, what is
 #: mapped, whether the search is exact, linear and binary steps, least linear steps
-ACROSS, DOWN, SHIFT, DEEP, MAPPING, EXACT, STEPS, HALVINGS, LEAST = range(9)
+ACROSS, DOWN, SHIFT, DEEP, MAPPING, EXACT, STEPS, BISECTION_STEPS, LEAST = range(9)
 RULES = 9
 #: what is mapped
 PLAIN, BUMP, PARALLAX, RELIEF = 0.0, 1.0, 2.0, 3.0
@@ -117,7 +117,7 @@ def search_layers(front, back, lows, highs, plan, rule, ray, begin, end, solid, 
     # first depth by the rule's search
     if rule[EXACT] > 0.0:
         return search_along(front, back, lows, highs, plan, ray, begin, end, solid)
-    return step_along(front, back, plan, ray, begin, end, linear_steps(rule, slope), np.int64(rule[HALVINGS]))
+    return step_along(front, back, plan, ray, begin, end, linear_steps(rule, slope), np.int64(rule[BISECTION_STEPS]))
 
 
 @kernel

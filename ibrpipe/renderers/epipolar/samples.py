@@ -10,7 +10,7 @@ import numpy as np
 
 from ibrpipe.core.epipolar import lines, near, samples, sweep
 from ibrpipe.renderers.buffers import borrow
-from ibrpipe.renderers.fields import UNKNOWN_GAP, Field, HeightField, Place
+from ibrpipe.renderers.fields import UNKNOWN_GAP, Field, HeightField, Pose
 from ibrpipe.types import Array, Camera, DepthImage, LayeredDepthImage, ReliefTexture
 
 #: greatest width of a line in the picture (pixels), least in the reference (texels)
@@ -23,7 +23,7 @@ class Raster:
 
     Attributes
     ----------
-    place : Place
+    pose : Pose
     depth : (rows, columns) float32
         Field depths where (u, v) are whole numbers; NaN = background.
     color : (rows, columns, 3) float32
@@ -37,7 +37,7 @@ class Raster:
         Camera depth that still belongs to the eye.
     """
 
-    place: Place
+    pose: Pose
     depth: Array
     color: Array
     gaps: bool
@@ -50,18 +50,18 @@ def build_raster(texture: Any, field: Field, eye: float) -> Raster:
     """Lay out the first layer of a texture in the coordinates of its field."""
     if isinstance(field, HeightField):
         ends = _ends(field.height, False)
-        return Raster(field.place, field.height, field.color, _holes(field), np.array([np.inf, 0.0]), ends, eye)
+        return Raster(field.pose, field.height, field.color, _holes(field), np.array([np.inf, 0.0]), ends, eye)
     depth, color = _first_layer(texture)
-    steps = _steps(field.place)
-    if field.place.perspective:
+    steps = _steps(field.pose)
+    if field.pose.perspective:
         depth = (-1.0 / depth.astype(np.float64)).astype(np.float32)
     return Raster(
-        field.place,
+        field.pose,
         np.pad(depth, 1, constant_values=np.nan),
         np.ascontiguousarray(np.pad(color, ((1, 1), (1, 1), (0, 0))), np.float32),
         True,
         steps,
-        _ends(depth, field.place.perspective),
+        _ends(depth, field.pose.perspective),
         eye,
     )
 
@@ -80,13 +80,13 @@ def _holes(field: HeightField) -> bool:
     return bool(np.isnan(field.height).any())
 
 
-def _steps(place: Place) -> Array:
+def _steps(pose: Pose) -> Array:
     """Return the greatest step within a surface: as many texels as renderer `ldi` links without normals."""
-    if place.perspective:  # a texel at depth z is z / focal wide, so -1/z changes by its share 1 / focal
-        turned = place.linear[[0, 1, 3]]
-        focal = min(float(np.linalg.norm(np.cross(turned[2], row))) for row in turned[:2])
+    if pose.perspective:  # a texel at depth z is z / focal wide, so -1/z changes by its share 1 / focal
+        projection = pose.linear[[0, 1, 3]]
+        focal = min(float(np.linalg.norm(np.cross(projection[2], row))) for row in projection[:2])
         return np.array([0.0, UNKNOWN_GAP / focal])
-    texels = np.linalg.norm(np.linalg.inv(place.linear[:3])[:, :2], axis=0)
+    texels = np.linalg.norm(np.linalg.inv(pose.linear[:3])[:, :2], axis=0)
     return np.array([UNKNOWN_GAP * float(texels.max()), 0.0])
 
 
@@ -107,15 +107,15 @@ def _first_layer(texture: Any) -> tuple[Array, Array]:
 
 def cast_raster(raster: Raster, camera: Camera, search: str, base: int, depth: Array, ids: Array) -> int:
     """Lower `depth` and `ids` where one raster is nearer; return how many lines were swept."""
-    start, turn = raster.place.rays(camera)
-    pixels = raster.place.pixels(camera)
+    start, directions = raster.pose.field_from_pixel(camera)
+    pixels = raster.pose.pixel_from_field(camera)
     rows, columns = raster.depth.shape
     sectors, edges, entries = lines.lay_lines(
-        start, turn, pixels, (columns - 1, rows - 1), (camera.width, camera.height), SPACING[search], FINEST[search],
-        0.0,
+        start, directions, pixels, (columns - 1, rows - 1), (camera.width, camera.height),
+        SPACING[search], FINEST[search], 0.0,
     )  # fmt: skip
     flat, linear, parts = raster.depth.ravel(), search == "linear", numba.get_num_threads()
-    own, view = (flat, columns, raster.steps), (start, turn, pixels[2], raster.place.perspective)
+    own, view = (flat, columns, raster.steps), (start, directions, pixels[2], raster.pose.perspective)
     near.meet_near(own, view, linear, _within(raster, start), raster.ends, raster.eye, base, depth, ids)
     groups = np.zeros(5, np.int64)
     groups[1:] = np.cumsum(-(-sectors[:, lines.LINES].astype(np.int64) // sweep.GROUP))
@@ -141,8 +141,8 @@ def _within(raster: Raster, start: Array) -> bool:
 
 def shade_raster(raster: Raster, camera: Camera, search: str, base: int, hits: Any, color: Array, known: Array) -> None:
     """Fill `color` and `known` where this raster is hit."""
-    start, turn = raster.place.rays(camera)
+    start, directions = raster.pose.field_from_pixel(camera)
     samples.shade_samples(
-        hits.depth, hits.ids, base, start, turn, raster.depth.ravel(), raster.depth.shape[1], raster.color,
+        hits.depth, hits.ids, base, start, directions, raster.depth.ravel(), raster.depth.shape[1], raster.color,
         search == "linear", color, known,
     )  # fmt: skip

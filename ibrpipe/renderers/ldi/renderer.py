@@ -81,18 +81,20 @@ def find_hits(scene: Scene, camera: Camera, search: Search = "auto") -> Hits:
 
 def _project(scene: Scene, camera: Camera) -> tuple[Array, Array]:
     """Return depth and number of the nearest hit of every pixel with the patches of layered images."""
-    places = [field.place for _, field in scene.patches]
-    starts, turns = (np.stack(part) for part in zip(*(place.rays(camera) for place in places), strict=True))
-    pixels = np.stack([place.pixels(camera) for place in places])
+    poses = [field.pose for _, field in scene.patches]
+    starts, directions = (
+        np.stack(part) for part in zip(*(pose.field_from_pixel(camera) for pose in poses), strict=True)
+    )
+    pixels = np.stack([pose.pixel_from_field(camera) for pose in poses])
     eyes = np.array([EYE * field.reach for _, field in scene.patches])
     signs = np.sign(np.linalg.det(pixels[:, :, :3])) * np.sign(starts[:, 3])  # the line to an eye behind a frame's
-    perspective = np.array([place.perspective for place in places])
+    perspective = np.array([pose.perspective for pose in poses])
     parts, (columns, rows) = numba.get_num_threads(), (camera.width, camera.height)
     memory = scene.pictures.pop() if scene.pictures else np.empty(0, np.int64)
     if len(memory) < parts * columns * rows:
         memory = np.empty(parts * columns * rows, np.int64)
     keys = memory[: parts * columns * rows].reshape(parts, columns * rows)
-    views = (pixels, pack_rays(starts, turns), eyes, signs, perspective)
+    views = (pixels, pack_rays(starts, directions), eyes, signs, perspective)
     blocks = scene.blocks
     project.project_patches(blocks.patches, blocks.blocks, blocks.bounds, views, (columns, rows), keys)
     depth, ids = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.uint32)
@@ -107,16 +109,16 @@ def _project_heights(scene: Scene, camera: Camera, depth: Array, ids: Array) -> 
     depths, numbers = np.full((parts, *depth.shape), np.inf, np.float32), np.empty((parts, *ids.shape), np.uint32)
     depths[0], numbers[:] = depth, ids
     for _, field, base in scene.heights:
-        start, turn = field.place.rays(camera)
+        start, directions = field.pose.field_from_pixel(camera)
         rows, columns = field.height.shape
         descending = (bool(start[1] > 0.5 * rows), bool(start[0] > 0.5 * columns))
-        view = (field.place.pixels(camera), pack_rays(start, turn), EYE * field.reach)
+        view = (field.pose.pixel_from_field(camera), pack_rays(start, directions), EYE * field.reach)
         project_heights.project_heights(field.height, field.low, field.high, view, descending, base, depths, numbers)
     if parts > 1:
         project_heights.merge(depths, numbers)
     depth[:], ids[:] = depths[0], numbers[0]
 
 
-def pack_rays(start: Array, turn: Array) -> Array:
-    """(..., 16) float64: start (..., 4), then turn (..., 4, 3) row by row, for the projecting kernels."""
-    return np.concatenate([start, turn.reshape(*turn.shape[:-2], 12)], axis=-1)
+def pack_rays(start: Array, directions: Array) -> Array:
+    """(..., 16) float64: start (..., 4), then directions (..., 4, 3) row by row, for the projecting kernels."""
+    return np.concatenate([start, directions.reshape(*directions.shape[:-2], 12)], axis=-1)

@@ -72,7 +72,7 @@ class Box:
     placed: tuple[Placed, ...]
 
     def quads(self, camera: Camera) -> list[tuple[int, float]]:
-        """Return the faces that the eye is in front of: (axis, place along it); three at most, none from within."""
+        """Return the faces that the eye is in front of: (axis, where along it); three at most, none from within."""
         eye = self.axes @ (camera.center - self.origin)
         found = [(k, float(self.low[k])) for k in range(3) if eye[k] < self.low[k]]
         return found + [(k, float(self.high[k])) for k in range(3) if eye[k] > self.high[k]]
@@ -100,11 +100,11 @@ def find_box(reliefs: tuple[Relief, ...]) -> Box | None:
 
 def _place(relief: Relief, origin: Array, axes: Array) -> Placed | None:
     frame = relief.frame
-    turned = axes @ np.stack([frame.a, frame.b, frame.f], axis=1)
-    size = np.linalg.norm(turned, axis=0)
-    which = np.abs(turned).argmax(axis=0)
-    signs = np.sign(turned[which, range(3)])
-    exact = np.abs(turned - np.eye(3)[:, which] * signs * size).max() <= 1e-6 * size.max()
+    in_box = axes @ np.stack([frame.a, frame.b, frame.f], axis=1)
+    size = np.linalg.norm(in_box, axis=0)
+    which = np.abs(in_box).argmax(axis=0)
+    signs = np.sign(in_box[which, range(3)])
+    exact = np.abs(in_box - np.eye(3)[:, which] * signs * size).max() <= 1e-6 * size.max()
     if not exact or len(set(which.tolist())) < 3 or abs(size[0] - size[1]) > 1e-6 * size[0]:
         return None
     u, v, d = (int(k) for k in which)
@@ -192,18 +192,18 @@ def _merge(
     shape = (max(window[3] - window[2], 2), max(window[1] - window[0], 2))
     merged, owners = np.full(shape, np.nan, np.float32), np.full(shape, NOTHING, np.uint8)
     for number, each in enumerate(box.placed):
-        turned = each.swapped() if axis == each.axes[0] else each
-        view = sight(turned.relief.frame, camera)
-        low, high = turned.relief.range
-        if not low <= high or (turned.relief.front_only and view.eye[2] >= high):
+        oriented = each.swapped() if axis == each.axes[0] else each
+        view = sight(oriented.relief.frame, camera)
+        low, high = oriented.relief.range
+        if not low <= high or (oriented.relief.front_only and view.eye[2] >= high):
             continue
-        face = _face_in(turned, box, axis, at, pitch, {i: window[:2], j: window[2:]})
-        picture = warp_face(turned.relief, view, face, settings)
+        face = _face_in(oriented, box, axis, at, pitch, {i: window[:2], j: window[2:]})
+        picture = warp_face(oriented.relief, view, face, settings)
         if picture is None:
             continue
-        across, down = turned.axes[0], turned.axes[2] if face.wall else turned.axes[1]
+        across, down = oriented.axes[0], oriented.axes[2] if face.wall else oriented.axes[1]
         shifts = picture[0][:, : picture[3]]
-        shifts = shifts[:: int(turned.signs[turned.axes.index(down)]), :: int(turned.signs[0])]
+        shifts = shifts[:: int(oriented.signs[oriented.axes.index(down)]), :: int(oriented.signs[0])]
         shifts = shifts if across == i else shifts.T
         nearer = ~(shifts <= merged) & (shifts == shifts)
         merged[nearer], owners[nearer] = shifts[nearer], number
@@ -223,9 +223,9 @@ def _face_in(each: Placed, box: Box, axis: int, at: float, pitch: float, window:
     offset = each.origin - box.low
     zoom = each.texel / pitch
     index = each.axes.index(axis)
-    place = (at - each.origin[axis]) * each.signs[index] / (each.texel if wall else 1.0)
+    where = (at - each.origin[axis]) * each.signs[index] / (each.texel if wall else 1.0)
     shift = tuple(float(each.signs[each.axes.index(k)] * offset[k] / pitch) for k in (across, down))
     return Face(
-        wall, float(place), pitch, -shift[1] * pitch, np.eye(3), 1.0, (limits[0], limits[1], limits[2], limits[3]),
+        wall, float(where), pitch, -shift[1] * pitch, np.eye(3), 1.0, (limits[0], limits[1], limits[2], limits[3]),
         zoom, (shift[0], 0.0 if wall else shift[1]), near=True,
     )  # fmt: skip

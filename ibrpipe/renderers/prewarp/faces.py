@@ -25,25 +25,25 @@ FINER = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """A camera in texture coordinates: the point at camera depth t of pixel p is ``eye + t * ways @ (px, py, 1)``.
+    """A camera in texture coordinates; at camera depth t, pixel p shows ``eye + t * local_from_pixel @ (px, py, 1)``.
 
     Attributes
     ----------
     eye : (3,) float64
         u, v, d of the camera's centre.
-    ways : (3, 3) float64
+    local_from_pixel : (3, 3) float64
     width, height : int
     """
 
     eye: Array
-    ways: Array
+    local_from_pixel: Array
     width: int
     height: int
 
     def swapped(self) -> Sight:
         """Return the same with rows and columns swapped."""
         order = [1, 0, 2]
-        return Sight(self.eye[order], self.ways[order], self.width, self.height)
+        return Sight(self.eye[order], self.local_from_pixel[order], self.width, self.height)
 
 
 def sight(frame: ParallelFrame, camera: Camera) -> Sight:
@@ -61,7 +61,7 @@ class Face:
     wall : bool
         A face v = `at`, seen with rows that are scaled (swap rows and columns for a face u = const); else d = `at`.
     at : float
-        Its place.
+        Where it is along its axis.
     pitch : float
         Depth per pixel of a wall's picture, scene units; texels of the plane's picture are 1.
     low : float
@@ -116,7 +116,7 @@ def wide_plane(view: Sight, rows: int, columns: int, depths: tuple[float, float]
     for e, count in ((e_u, columns), (e_v, rows)):
         reached = e + np.outer((0.5 - e, count - 0.5 - e), ratios)
         limits += [zoom * float(reached.min()), zoom * float(reached.max())]
-    scaled = Sight(view.eye, view.ways * np.array([zoom, zoom, 1.0])[:, None], view.width, view.height)
+    scaled = Sight(view.eye, view.local_from_pixel * np.array([zoom, zoom, 1.0])[:, None], view.width, view.height)
     face = _face(scaled, False, depth, 1.0, 0.0, 2, (0, 1), (zoom * e_u, zoom * e_v), depth - h, (*limits,))
     return None if face is None else replace(face, zoom=zoom)
 
@@ -163,8 +163,8 @@ def _wall(
     view: Sight, at: float, low: float, pitch: float, limits: tuple[float, ...], zoom: float = 1.0
 ) -> Face | None:
     e_u, e_v, h = view.eye
-    ways = view.ways * np.array([zoom, 1.0, 1.0 / pitch])[:, None]
-    scaled = Sight(view.eye, ways, view.width, view.height)
+    local_from_pixel = view.local_from_pixel * np.array([zoom, 1.0, 1.0 / pitch])[:, None]
+    scaled = Sight(view.eye, local_from_pixel, view.width, view.height)
     face = _face(scaled, True, at, pitch, low, 1, (0, 2), (zoom * e_u, (h - low) / pitch), at - e_v, limits)
     return None if face is None else replace(face, zoom=zoom)
 
@@ -181,12 +181,14 @@ def _face(
     reach: float,
     limits: tuple[float, ...],
 ) -> Face | None:
-    """Homography of pixels onto the face that `axis` crosses; `reach`: its place minus the eye's."""
+    """Homography of pixels onto the face that `axis` crosses; `reach`: where it is minus where the eye is."""
     if reach == 0.0:
         return None
     sign = np.sign(reach)
-    weight = sign * view.ways[axis]
-    homography = np.stack([foot[i] * weight + abs(reach) * view.ways[along[i]] for i in range(2)] + [weight])
+    weight = sign * view.local_from_pixel[axis]
+    homography = np.stack(
+        [foot[i] * weight + abs(reach) * view.local_from_pixel[along[i]] for i in range(2)] + [weight]
+    )
     window = _visible(homography, view, limits)
     return None if window is None else Face(wall, at, pitch, low, homography, abs(reach), window)
 
@@ -225,7 +227,7 @@ def _clip(corners: list[tuple[float, float]], a: float, b: float, c: float) -> l
 
 def source_range(eye: float, window: tuple[float, float], least: float, most: float, count: int) -> tuple[int, int]:
     """Return the first and last texel of a line that magnifications `least` to `most` can take into `window`."""
-    places = [eye + (x - eye) / s for x in window for s in (least, most)]
-    first = int(np.floor(min(max(min(places), -2.0), count + 2.0) - 0.5)) - 1
-    last = int(np.ceil(min(max(max(places), -2.0), count + 2.0) - 0.5)) + 1
+    reached = [eye + (x - eye) / s for x in window for s in (least, most)]
+    first = int(np.floor(min(max(min(reached), -2.0), count + 2.0) - 0.5)) - 1
+    last = int(np.ceil(min(max(max(reached), -2.0), count + 2.0) - 0.5)) + 1
     return max(first, 0), min(last, count - 1)

@@ -13,7 +13,7 @@ from ibrpipe.core.prewarp import pipelined
 from ibrpipe.core.prewarp import rows as prewarp
 from ibrpipe.core.prewarp.rows import PAD
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.background_compile import FirstCall, Kernel
+from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
 from ibrpipe.renderers.prewarp.faces import MOST, Face, Sight, source_range
 from ibrpipe.renderers.prewarp.source import Relief
 from ibrpipe.types import Array
@@ -40,7 +40,7 @@ def scratch(name: str, shape: tuple[int, ...]) -> Array:
 
 
 #: what a second process compiles at the first call of `two-pass`
-BESIDE = FirstCall(
+BACKGROUND = BackgroundCompile(
     (
         Kernel(
             "prewarp.columns", "warp_columns",
@@ -148,21 +148,21 @@ def warp_face_by_area(
         return None
     plan, (left, top, count, height) = laid
     rows, columns = relief.height.shape
-    places, axis = scratch("places", (3, rows, columns)), np.array([face.zoom, face.shift[0]])
+    positions, axis = scratch("positions", (3, rows, columns)), np.array([face.zoom, face.shift[0]])
     window = np.array([plan.rows[0], plan.rows[1] + 1, *plan.texels])
     field = _field(relief, face, plan, settings)
-    pipelined.place_texels(*field, plan.eye, plan.shifts, plan.lines, window, axis, places)
+    pipelined.place_texels(*field, plan.eye, plan.shifts, plan.lines, window, axis, positions)
     breaks = relief.breaks if relief.broken else _NONE8
     out = np.empty((height + 2 * PAD, count, 4), np.float32)
     if settings.method == "pipelined":
         ranges, feet = _stripes(view, face, plan, (left, count), relief.height.shape, prewarp_area.STRIPE)
         window = np.array([*plan.rows, count, left, top, plan.order])
         same = relief.jump(face, view)
-        prewarp_area.area_cells(places, relief.color, breaks, ranges, feet, window, same, out)
+        prewarp_area.area_cells(positions, relief.color, breaks, ranges, feet, window, same, out)
         return out[PAD : PAD + height], left, top, count
     both = np.empty((2, rows, columns), np.float32)
-    both[0] = places[0] - np.float32(left + 0.5)
-    both[1] = relief.height if face.wall else places[2]
+    both[0] = positions[0] - np.float32(left + 0.5)
+    both[1] = relief.height if face.wall else positions[2]
     if face.wall and settings.depth_bits == 8:
         both[1] = relief.codes[1][relief.codes[0]]
     values = np.empty((rows, count, 4), np.float32)
@@ -207,9 +207,9 @@ def _field(relief: Relief, face: Face, plan: Plan, settings: Settings) -> tuple[
 
 
 def _two_pass(
-    relief: Relief, view: Sight, face: Face, plan: Plan, settings: Settings, place: tuple[int, int, int], out: Array
+    relief: Relief, view: Sight, face: Face, plan: Plan, settings: Settings, span: tuple[int, int, int], out: Array
 ) -> None:
-    left, top, count = place
+    left, top, count = span
     (first, last), height = plan.rows, len(out) - 2 * PAD
     blocks, lanes = -(-count // prewarp.LANES), prewarp.LANES
     values = scratch("values", (blocks, relief.height.shape[0] + ODD, lanes))
@@ -230,32 +230,32 @@ def _two_pass(
         sides[:, 5] = np.where((sides[:, 1] - sides[:, 0]) * sides[:, 2] > 0, sides[:, 5], sides[:, 4])
     lines = plan.lines.copy()
     lines[0] -= np.float32(top + 0.5)
-    BESIDE.wait()
+    BACKGROUND.wait()
     prewarp_columns.warp_columns(values, lines, face.wall, plan.eye[1], relief.gap, sides, count, out)
 
 
 def _pipelined(
-    relief: Relief, view: Sight, face: Face, plan: Plan, settings: Settings, place: tuple[int, int, int], out: Array
+    relief: Relief, view: Sight, face: Face, plan: Plan, settings: Settings, span: tuple[int, int, int], out: Array
 ) -> None:
-    left, top, count = place
+    left, top, count = span
     rows, columns = relief.height.shape
-    places = scratch("places", (3, rows, columns))
+    positions = scratch("positions", (3, rows, columns))
     window = np.array([plan.rows[0], plan.rows[1] + 1, *plan.texels])
     axis = np.array([face.zoom, face.shift[0]])
     pipelined.place_texels(
-        *_field(relief, face, plan, settings), plan.eye, plan.shifts, plan.lines, window, axis, places
+        *_field(relief, face, plan, settings), plan.eye, plan.shifts, plan.lines, window, axis, positions
     )
     ranges, feet = _stripes(view, face, plan, (left, count), relief.height.shape, pipelined.STRIPE)
     breaks = relief.breaks if relief.broken else _NONE8
     window = np.array([*plan.rows, count, left, top, plan.order])
-    pipelined.pipeline(places, breaks, ranges, feet, window, out[PAD : len(out) - PAD])
+    pipelined.pipeline(positions, breaks, ranges, feet, window, out[PAD : len(out) - PAD])
 
 
 def _stripes(
-    view: Sight, face: Face, plan: Plan, place: tuple[int, int], shape: tuple[int, ...], width: int
+    view: Sight, face: Face, plan: Plan, span: tuple[int, int], shape: tuple[int, ...], width: int
 ) -> tuple[Array, Array]:
     """First and last texel that can reach each stripe of columns, and the last texel and row not beyond the foot."""
-    left, count = place
+    left, count = span
     rows, columns = shape
     borders = [(x, x + width) for x in range(left, left + count, width)]
     ranges = np.array(
@@ -267,7 +267,7 @@ def _stripes(
 
 
 def _texels(face: Face, axis: int, pixels: tuple[float, float]) -> tuple[float, float]:
-    """Two places in a face's picture, in texels."""
+    """Two points in a face's picture, in texels."""
     a, b = ((x - face.shift[axis]) / face.zoom for x in pixels)
     return a, b
 

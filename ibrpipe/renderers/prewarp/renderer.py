@@ -21,7 +21,7 @@ from ibrpipe.renderers.ldi.options import LdiOptions
 from ibrpipe.renderers.prewarp.box import Box, draw_box, find_box
 from ibrpipe.renderers.prewarp.faces import Face, Sight, plane_face, sight, wall_face, wide_plane, wide_wall
 from ibrpipe.renderers.prewarp.options import PrewarpOptions
-from ibrpipe.renderers.prewarp.passes import BESIDE, Settings, warp_face, warp_face_by_area
+from ibrpipe.renderers.prewarp.passes import BACKGROUND, Settings, warp_face, warp_face_by_area
 from ibrpipe.renderers.prewarp.source import Relief, build_relief
 from ibrpipe.renderers.scene import prepare as prepare_exact
 from ibrpipe.types import Array, Camera, Frame
@@ -118,7 +118,7 @@ def draw(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: Prewar
     settings = Settings(options.method, options.depth_bits, options.filter == "area")
     began = perf_counter()
     if options.method == "two-pass" and not settings.area:
-        BESIDE.begin()
+        BACKGROUND.begin()
     shaded = bool({"color", "alpha"} & set(outputs))
     canvas = Canvas.blank(camera.height, camera.width, shaded)
     with limited_threads(options.threads):
@@ -146,17 +146,17 @@ def _draw_relief(relief: Relief, camera: Camera, settings: Settings, canvas: Can
     view = sight(relief.frame, camera)
     if settings.area:
         for face, swapped in visible_faces(relief, view):
-            turned, seen = (relief.swapped, view.swapped()) if swapped else (relief, view)
-            _draw_by_area(turned, seen, face, settings, canvas)
+            oriented, seen = (relief.swapped, view.swapped()) if swapped else (relief, view)
+            _draw_by_area(oriented, seen, face, settings, canvas)
         return
     before, drawn = canvas.before(), False
     for face, swapped in visible_faces(relief, view):
-        turned, seen = (relief.swapped, view.swapped()) if swapped else (relief, view)
-        drawn |= _draw_face(turned, seen, face, settings, canvas)
+        oriented, seen = (relief.swapped, view.swapped()) if swapped else (relief, view)
+        drawn |= _draw_face(oriented, seen, face, settings, canvas)
     if drawn and canvas.shaded:
-        rays = view.ways[:2], view.eye[:2]
+        rays = view.local_from_pixel[:2], view.eye[:2]
         size = np.array(relief.height.shape)
-        BESIDE.wait()
+        BACKGROUND.wait()
         prewarp_view.view_color(
             canvas.depth, before, _NO_OWNER, 0, *rays, relief.texels, size, canvas.color, canvas.alpha
         )
@@ -173,7 +173,7 @@ def _draw_object(reliefs: tuple[Relief, ...], camera: Camera, settings: Settings
     shown = draw_box(box, camera, settings, canvas.depth, owner)
     for number, relief in enumerate(reliefs if canvas.shaded else ()):
         view = sight(relief.frame, camera)
-        rays, size = (view.ways[:2], view.eye[:2]), np.array(relief.height.shape)
+        rays, size = (view.local_from_pixel[:2], view.eye[:2]), np.array(relief.height.shape)
         prewarp_view.view_color(
             canvas.depth, _NO_DEPTH, owner, number, *rays, relief.texels, size, canvas.color, canvas.alpha
         )

@@ -13,8 +13,8 @@ from ibrpipe.core.relief import exact, shade
 from ibrpipe.core.relief import linear as relief_linear
 from ibrpipe.core.relief.pyramid import build_pyramid
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.background_compile import FirstCall, Kernel
-from ibrpipe.renderers.fields import HeightField, Place, _place
+from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
+from ibrpipe.renderers.fields import HeightField, Pose, field_pose
 from ibrpipe.renderers.relief.options import ReliefOptions
 from ibrpipe.renderers.search.epipolar_lines import Map, cast_map, height_map
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, Texture
@@ -25,7 +25,7 @@ GAP = 4.0
 LINES = 2**19
 
 #: what a second process compiles at the first call
-BESIDE = FirstCall(
+BACKGROUND = BackgroundCompile(
     (
         Kernel(
             "relief.exact", "search_exact",
@@ -42,7 +42,7 @@ class Field:
 
     Attributes
     ----------
-    place : Place
+    pose : Pose
         Texel (0, 0)'s centre is cell coordinate (0, 0).
     height : (H, W) float32, field depth; NaN = hole
     color : (H, W, 4) float32, linear; fourth 1 where the colour is known
@@ -54,7 +54,7 @@ class Field:
         Only the side of lesser depth is seen.
     """
 
-    place: Place
+    pose: Pose
     height: Array
     color: Array
     gap: float
@@ -77,12 +77,12 @@ class Field:
         if self.front or self.height.size < LINES or not self.grid[2] <= self.grid[3]:
             return None
         low, high = (np.full((1, 1), each, np.float32) for each in self.grid[2:4])
-        return height_map(HeightField(self.place, self.height, self.color, low, high), 0)
+        return height_map(HeightField(self.pose, self.height, self.color, low, high), 0)
 
     def build(self) -> Field:
         """Build what the exact search needs."""
         if self.grid[2] <= self.grid[3] and self.lines is None:
-            BESIDE.begin()
+            BACKGROUND.begin()
             _ = self.whole
         return self
 
@@ -92,20 +92,20 @@ class Field:
         lines = self.lines.bytes if self.lines else 0
         return lines + (self.pyramid[1].nbytes if "pyramid" in self.__dict__ else 0)
 
-    def search(self, camera: Camera, options: ReliefOptions, depth: Array, places: Array) -> None:
-        """Lower `depth` (h, w) float32 where this field is hit nearer; `places` (h, w, 2) or empty: hits in cells."""
+    def search(self, camera: Camera, options: ReliefOptions, depth: Array, hit_cells: Array) -> None:
+        """Lower `depth` (h, w) float32 where this field is hit nearer; `hit_cells` (h, w, 2) or empty: where."""
         if not self.grid[2] <= self.grid[3]:
             return
         if options.search == "exact" and self.lines is not None:
-            _search_lines(self.lines, camera, depth, places)
+            _search_lines(self.lines, camera, depth, hit_cells)
             return
-        start, turn = self.place.rays(camera)
+        start, directions = self.pose.field_from_pixel(camera)
         plan, nodes = self.pyramid
         window = np.array([0, camera.width, 0, camera.height])
-        rays = np.ascontiguousarray(start[:3]), np.ascontiguousarray(turn[:3]).ravel()
+        rays = np.ascontiguousarray(start[:3]), np.ascontiguousarray(directions[:3]).ravel()
         if options.search == "exact":
             padded = self.grid.copy()
-            BESIDE.wait()
+            BACKGROUND.wait()
             padded[2], padded[3] = self.grid[0], self.grid[0] + STEPS / self.grid[1]
             exact.search_exact(
                 pairs(self.height),
@@ -117,7 +117,7 @@ class Field:
                 self.whole,
                 window,
                 depth,
-                places,
+                hit_cells,
             )
             return
         side = -1.0 if self.front else self.outside(rays[0])
@@ -132,7 +132,7 @@ class Field:
             options.binary_steps,
             window,
             depth,
-            places,
+            hit_cells,
         )
 
     def outside(self, eye: Array) -> float:
@@ -143,13 +143,13 @@ class Field:
         return 1.0 if eye[2] >= (near if np.isfinite(near) else 0.5 * (self.grid[2] + self.grid[3])) else -1.0
 
 
-def _search_lines(lines: Map, camera: Camera, depth: Array, places: Array) -> None:
+def _search_lines(lines: Map, camera: Camera, depth: Array, hit_cells: Array) -> None:
     """Lower `depth` along epipolar lines, as renderer `epipolar` does."""
     ids = np.full(depth.shape, 2**32 - 1, np.uint32)
     cast_map(lines, camera, depth, ids)
-    if places.size:
-        start, turn = lines.field.place.rays(camera)
-        shade.place_hits(depth, ids, np.uint32(lines.box[0]), start, turn, places)
+    if hit_cells.size:
+        start, directions = lines.field.pose.field_from_pixel(camera)
+        shade.place_hits(depth, ids, np.uint32(lines.box[0]), start, directions, hit_cells)
 
 
 def pairs(height: Array) -> Array:
@@ -178,7 +178,7 @@ def build_field(source: Any) -> Field:
 
 
 def _field(
-    frame: ParallelFrame, height: Array, color: Array, gap: float, front: bool, place: Place | None = None
+    frame: ParallelFrame, height: Array, color: Array, gap: float, front: bool, pose: Pose | None = None
 ) -> Field:
     if height.size >= 2**29:
         raise RendererError(f"a texture of {height.shape[1]} x {height.shape[0]} texels is too large; cut it")
@@ -188,7 +188,7 @@ def _field(
     scale = STEPS / (max(high - low, 0.0) + 2.0 * pad)
     grid = np.array([low - pad, scale, low, high, height.shape[1]])
     return Field(
-        place or _place(frame, 0.5),
+        pose or field_pose(frame, 0.5),
         height,
         np.ascontiguousarray(color),
         gap,
@@ -219,11 +219,11 @@ def _thin_field(frame: ParallelFrame, height: Array, color: Array) -> Field:
             if near and (j % 2 == 0 or i % 2 == 0 or np.isfinite(height[(j - 1) // 2, (i - 1) // 2])):
                 joined[j, i] = np.mean([height[at] for at in near], dtype=np.float64)
                 shades[j, i] = np.mean([color[at] for at in near], axis=0)
-    place = _place(frame, 0.0)
-    linear, shift = place.linear.copy(), place.shift.copy()
+    pose = field_pose(frame, 0.0)
+    linear, shift = pose.linear.copy(), pose.shift.copy()
     linear[:2] *= 2.0
     shift[:2] *= 2.0
-    return _field(frame, joined, shades, np.inf, True, Place(linear, place.origin, shift, False))
+    return _field(frame, joined, shades, np.inf, True, Pose(linear, pose.origin, shift, False))
 
 
 def _first_layer(layers: LayeredDepthImage) -> Field:

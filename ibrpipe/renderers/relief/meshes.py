@@ -16,7 +16,7 @@ from ibrpipe.core.relief_mesh.map import build_bounds, pad_layer, plan_levels, s
 from ibrpipe.core.relief_mesh.mips import build_mips
 from ibrpipe.core.relief_mesh.tree import find_walls, fit_boxes, sort_faces
 from ibrpipe.errors import RendererError, ShapeError
-from ibrpipe.renderers.background_compile import FirstCall, Kernel
+from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
 from ibrpipe.renderers.relief.options import ReliefOptions
 from ibrpipe.types import Array, Camera
 from ibrpipe.types.relief_mesh import ReliefMesh
@@ -30,7 +30,7 @@ MAPPINGS = {"plain": 0.0, "bump": 1.0, "parallax": 2.0, "relief": 3.0}
 _LAYERS = "Tuple((float32[:,::1], float32[:,::1], float32[::1], float32[::1], int64[::1]))"
 _MIPS = "Tuple((float32[:,::1], int64[:,::1]))"
 #: what a second process compiles at the first call
-BESIDE = FirstCall(
+BACKGROUND = BackgroundCompile(
     (
         Kernel(
             "relief_mesh.raster", "draw_faces",
@@ -84,7 +84,7 @@ class MeshPart:
     ----------
     source : ReliefMesh
     first : (U,) int64
-        A vertex of the source for each vertex that is left when those at one place are one.
+        A vertex of the source for each vertex that is left when those at one point are one.
     corners : (F, 3) int64, numbers of those
     around : (starts, faces), CSR of the faces around each of them
     order : (F,) int64, the faces along a curve through space, for the shell's tree
@@ -146,7 +146,7 @@ class MeshPart:
         rule[core.ACROSS], rule[core.DOWN] = columns, rows
         rule[core.SHIFT], rule[core.DEEP] = shift_of(self.source.edges == "wrap"), self.source.thickness
         rule[core.MAPPING], rule[core.EXACT] = MAPPINGS[options.mapping], options.search == "exact"
-        rule[core.STEPS], rule[core.HALVINGS] = options.linear_steps, options.binary_steps
+        rule[core.STEPS], rule[core.BISECTION_STEPS] = options.linear_steps, options.binary_steps
         rule[core.LEAST] = options.least_steps
         return rule
 
@@ -162,18 +162,29 @@ class MeshPart:
         size, some = depth.shape, color is not None
         buffers = (
             np.zeros(size, np.uint8),
-            *(np.empty((*size, k), t) if some else np.empty((0, 0, k), t) for k, t in _PLACES),
+            *(np.empty((*size, k), t) if some else np.empty((0, 0, k), t) for k, t in _HIT_ARRAYS),
         )
         local = self.local_vertices(camera.center, options.vertices)
-        ways, rule = camera.world_from_pixel, self.rule(options)
+        world_from_pixel, rule = camera.world_from_pixel, self.rule(options)
         search = self._search_shell if options.model == "shell" else self._search_sheets
         sheets = search(local, camera, options, rule, depth, buffers)
         if color is not None and alpha is not None:
-            mine, places, turns = buffers
+            mine, relief_points, tangent_frames = buffers
             lamp = pack_lamp(options, camera.center, self.source.normal is None)
-            BESIDE.wait()
+            BACKGROUND.wait()
             shade.shade_hits(
-                mine, depth, places, turns, self.layers, rule, lamp, ways, self.colors, self.normals, color, alpha
+                mine,
+                depth,
+                relief_points,
+                tangent_frames,
+                self.layers,
+                rule,
+                lamp,
+                world_from_pixel,
+                self.colors,
+                self.normals,
+                color,
+                alpha,
             )
         return sheets
 
@@ -188,14 +199,16 @@ class MeshPart:
             frames[:, :, :3] = source.normals
         if not moved and source.tangents is not None:
             _take_tangents(frames, source.tangents)
-        mesh, ways = (local, self.corners, source.uv, frames), camera.world_from_pixel
-        BESIDE.wait()
+        mesh, world_from_pixel = (local, self.corners, source.uv, frames), camera.world_from_pixel
+        BACKGROUND.wait()
         bounds = np.empty((len(self.corners), 4), np.int32)
         raster.bound_faces(local, self.corners, camera.K @ camera.R, options.two_sided, size[1], size[0], bounds)
         after, layer, face = np.zeros(size), np.empty(size), np.empty(size, np.int32)
         sheets = 0
-        while sheets < SHEETS and raster.draw_faces(local, self.corners, bounds, ways, after, depth, layer, face):
-            hit.hit_faces(mesh, self.layers, rule, ways, layer, face, depth, *buffers)
+        while sheets < SHEETS and raster.draw_faces(
+            local, self.corners, bounds, world_from_pixel, after, depth, layer, face
+        ):
+            hit.hit_faces(mesh, self.layers, rule, world_from_pixel, layer, face, depth, *buffers)
             after, layer = layer, after
             sheets += 1
         return sheets
@@ -214,7 +227,7 @@ class MeshPart:
         return 1
 
 
-_PLACES = ((3, np.float64), (9, np.float32))
+_HIT_ARRAYS = ((3, np.float64), (9, np.float32))
 
 
 def _take_tangents(frames: Array, tangents: Array) -> None:
@@ -244,7 +257,7 @@ def build_mesh(source: ReliefMesh) -> MeshPart:
     """
     if max(source.height.shape) > 2**15:
         raise RendererError(f"a relief of {source.height.shape} texels is too large; at most 32768 on a side")
-    BESIDE.begin()
+    BACKGROUND.begin()
     wraps = source.edges == "wrap"
     number = weld(source.mesh.vertices)
     _, first = np.unique(number, return_index=True)

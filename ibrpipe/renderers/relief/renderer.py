@@ -67,9 +67,9 @@ def _draw_field(
     field: Field, camera: Camera, options: ReliefOptions, depth: Array, color: Array | None, alpha: Array | None
 ) -> None:
     before = depth.copy() if color is not None else depth
-    places = np.empty((*depth.shape, 2) if color is not None else (0, 0, 2))
-    field.search(camera, options, depth, places)
+    hit_cells = np.empty((*depth.shape, 2) if color is not None else (0, 0, 2))
+    field.search(camera, options, depth, hit_cells)
     if color is not None and alpha is not None:
         mine = depth < before
         color[mine], alpha[mine] = 0.0, 0.0
-        shade.color_heights(mine, places, field.color, color, alpha)
+        shade.color_heights(mine, hit_cells, field.color, color, alpha)

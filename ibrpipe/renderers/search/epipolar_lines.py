@@ -14,7 +14,7 @@ from ibrpipe.core.epipolar import bounds, cast, lines, sweep
 from ibrpipe.core.epipolar import patches as epipolar_patches
 from ibrpipe.core.ldi import patches
 from ibrpipe.core.ldi.quadtree import STEPS, plan_levels
-from ibrpipe.renderers.background_compile import FirstCall, Kernel
+from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
 from ibrpipe.renderers.buffers import borrow
 from ibrpipe.renderers.fields import Field, HeightField, PatchField
 from ibrpipe.types import Array, Camera
@@ -25,7 +25,7 @@ SPACING, FINEST, COARSENESS = 3.0, 0.75, 0.75
 EYE = 1e-9
 
 #: what a second process compiles at the first call
-BESIDE = FirstCall(
+BACKGROUND = BackgroundCompile(
     (
         Kernel(
             "epipolar.cast", "cast_heights",
@@ -90,7 +90,7 @@ def height_map(field: HeightField, base: int) -> Map | None:
     low, high = float(np.fmin.reduce(field.low, axis=None)), float(np.fmax.reduce(field.high, axis=None))
     if not low <= high:
         return None
-    BESIDE.begin()
+    BACKGROUND.begin()
     meta, grid, nodes = _empty_bounds(rows, columns, low, high)
     bounds.bound_heights(field.height, grid[0], 1.0 / grid[1], meta, nodes)
     bounds.bound_above(nodes, meta)
@@ -112,7 +112,7 @@ def patch_map(field: PatchField, base: int) -> Map | None:
     bounds.bound_patches(starts, near, far, grid[0], 1.0 / grid[1], meta, nodes)
     bounds.bound_above(nodes, meta)
     pad = max(1e-6 * (high - low), 1e-9 * max(abs(low), abs(high)))
-    above = min(high + pad, 0.5 * high) if field.place.perspective else high + pad  # -1/z stays below 0
+    above = min(high + pad, 0.5 * high) if field.pose.perspective else high + pad  # -1/z stays below 0
     return Map(field, base, np.array([columns, rows, low - pad, above]), grid, nodes, meta, starts)
 
 
@@ -131,10 +131,10 @@ def sweep_map(
 
     The table is valid until the same thread sweeps another map.
     """
-    start, turn = one.field.place.rays(camera)
+    start, directions = one.field.pose.field_from_pixel(camera)
     sectors, edges, entries = lines.lay_lines(
-        start, turn, one.field.place.pixels(camera), (one.box[0], one.box[1]), (camera.width, camera.height),
-        spacing, finest, coarseness, (one.box[2], one.box[3]),
+        start, directions, one.field.pose.pixel_from_field(camera), (one.box[0], one.box[1]),
+        (camera.width, camera.height), spacing, finest, coarseness, (one.box[2], one.box[3]),
     )  # fmt: skip
     table = borrow("epipolar table", entries, np.float32, np.inf)
     table[0] = -np.inf
@@ -150,10 +150,10 @@ def sweep_map(
 def cast_map(one: Map, camera: Camera, depth: Array, ids: Array) -> int:
     """Lower `depth` and `ids` where one map is hit nearer; return how many lines were swept."""
     field, parts = one.field, numba.get_num_threads()
-    pyramid, view, swept = (one.nodes, one.meta, one.grid), field.place.rays(camera), sweep_map(one, camera)
+    pyramid, view, swept = (one.nodes, one.meta, one.grid), field.pose.field_from_pixel(camera), sweep_map(one, camera)
     eye = EYE * field.reach
     if isinstance(field, HeightField):
-        BESIDE.wait()
+        BACKGROUND.wait()
         heights = (field.height.ravel(), field.height.shape[1])
         cast.cast_heights(heights, pyramid, view, one.box, eye, swept, one.base, parts, depth, ids)
     else:

@@ -20,7 +20,7 @@ class Blocks:
     """Patches in blocks of BLOCK; see :func:`ibrpipe.core.ldi.project.project_patches`."""
 
     corners: Array
-    places: Array
+    cells: Array
     masks: Array
     numbers: Array
     blocks: Array
@@ -28,8 +28,8 @@ class Blocks:
 
     @property
     def patches(self) -> tuple[Array, Array, Array, Array]:
-        """Corners, places, masks and numbers, as the kernel takes them."""
-        return self.corners, self.places, self.masks, self.numbers
+        """Corners, cells, masks and numbers, as the kernel takes them."""
+        return self.corners, self.cells, self.masks, self.numbers
 
 
 def pack_blocks(fields: Sequence[PatchField]) -> Blocks:
@@ -45,14 +45,14 @@ def _pack_field(number: int, field: PatchField, base: int) -> tuple[Array, ...]:
     counts = np.minimum(BLOCK, len(order) - BLOCK * np.arange(count))
     chosen = np.concatenate([order, np.repeat(order[-1:], count * BLOCK - len(order))]).reshape(count, BLOCK)
     corners = np.ascontiguousarray(field.corners[chosen].transpose(0, 2, 1))
-    places = np.ascontiguousarray(field.cells[chosen].transpose(0, 2, 1), np.float32)
+    cells = np.ascontiguousarray(field.cells[chosen].transpose(0, 2, 1), np.float32)
     return (
         corners,
-        places,
+        cells,
         field.masks[chosen],
         (chosen + base).astype(np.uint32),
         np.stack([np.full(count, number), counts], axis=1).astype(np.int64),
-        _bounds(corners.astype(np.float64), places.astype(np.float64)),
+        _bounds(corners.astype(np.float64), cells.astype(np.float64)),
     )
 
 
@@ -69,12 +69,12 @@ def _order(cells: Array) -> Array:
     return np.argsort(key, kind="stable")
 
 
-def _bounds(corners: Array, places: Array) -> Array:
+def _bounds(corners: Array, cells: Array) -> Array:
     """Return (B, 10) float64: least and greatest u, v, depth, slope along u and slope along v of every block."""
     a, b, c, e = corners.transpose(1, 0, 2)
     parts = (
-        (places[:, :1], places[:, :1] + 1.0),
-        (places[:, 1:], places[:, 1:] + 1.0),
+        (cells[:, :1], cells[:, :1] + 1.0),
+        (cells[:, 1:], cells[:, 1:] + 1.0),
         (corners, corners),
         (np.stack([b - a, e - c], 1),) * 2,
         (np.stack([c - a, e - b], 1),) * 2,

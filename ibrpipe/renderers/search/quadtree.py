@@ -12,7 +12,7 @@ import numpy as np
 
 from ibrpipe.core.ldi import patches, quadtree
 from ibrpipe.core.ldi.search import search_field
-from ibrpipe.renderers.fields import Field, HeightField, PatchField, Place
+from ibrpipe.renderers.fields import Field, HeightField, PatchField, Pose
 from ibrpipe.types import Array, Camera
 
 _NO_HEIGHT = np.empty((0, 0), np.float32)
@@ -25,7 +25,7 @@ class Sheet:
 
     Attributes
     ----------
-    place : Place
+    pose : Pose
     box : (4,) float64
         Columns and rows of cells, least and greatest depth.
     grid : (2,) float64
@@ -37,7 +37,7 @@ class Sheet:
         Number of the first patch or cell.
     """
 
-    place: Place
+    pose: Pose
     box: Array
     grid: Array
     nodes: Array
@@ -53,7 +53,7 @@ class Sheet:
         window = np.array([0, camera.width, 0, camera.height])
         pyramid = (self.nodes, self.meta, self.grid)
         search_field(
-            self.place.rays(camera), self.box, pyramid, self.leaves, front, window, self.base, depth, ids
+            self.pose.field_from_pixel(camera), self.box, pyramid, self.leaves, front, window, self.base, depth, ids
         )  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def _height_sheet(field: HeightField, base: int) -> Sheet:
     quadtree.pack_heights(height, grid[0], grid[1], nodes)
     quadtree.build_levels(nodes, meta)
     leaves = (height, _NO_CELLS, np.empty((0, 4), np.float32), np.empty(0, np.uint8))
-    return Sheet(field.place, np.array([columns, rows, low, high]), grid, nodes, meta, leaves, base)
+    return Sheet(field.pose, np.array([columns, rows, low, high]), grid, nodes, meta, leaves, base)
 
 
 def _patch_sheets(field: PatchField, base: int) -> list[Sheet]:
@@ -99,24 +99,24 @@ def _patch_sheets(field: PatchField, base: int) -> list[Sheet]:
         column, row = (field.cells[chosen] - first).T
         cells = np.full((row.max() + 1, column.max() + 1), -1, np.int32)
         cells[row, column] = chosen
-        grid, low, high = _grid(float(near[chosen].min()), float(far[chosen].max()), field.place.perspective)
+        grid, low, high = _grid(float(near[chosen].min()), float(far[chosen].max()), field.pose.perspective)
         meta = quadtree.plan_levels(*cells.shape)
         nodes = np.empty(meta[-1, 0] + 1, np.uint32)
         patches.pack_patches(cells.ravel(), near, far, grid[0], grid[1], nodes)
         quadtree.build_levels(nodes, meta)
         box = np.array([cells.shape[1], cells.shape[0], low, high])
         leaves = (_NO_HEIGHT, cells.ravel(), field.corners, field.masks)
-        sheets.append(Sheet(_moved(field.place, first), box, grid, nodes, meta, leaves, base))
+        sheets.append(Sheet(_moved(field.pose, first), box, grid, nodes, meta, leaves, base))
     return sheets
 
 
-def _moved(place: Place, first: Array) -> Place:
-    """Return the place whose cell (0, 0) is cell `first` (column, row)."""
-    linear, shift = place.linear.copy(), place.shift.copy()
+def _moved(pose: Pose, first: Array) -> Pose:
+    """Return the pose whose cell (0, 0) is cell `first` (column, row)."""
+    linear, shift = pose.linear.copy(), pose.shift.copy()
     for axis in range(2):
         linear[axis] -= first[axis] * linear[3]
         shift[axis] -= first[axis] * shift[3]
-    return replace(place, linear=linear, shift=shift)
+    return replace(pose, linear=linear, shift=shift)
 
 
 def _ranks(cell: Array, depth: Array) -> list[Array]:

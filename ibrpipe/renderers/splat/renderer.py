@@ -41,7 +41,7 @@ def _splat(maps: Maps, camera: Camera, footprint: float) -> Hits:
     ids = np.full(depth.shape, 2**32 - 1, np.uint32)
     for base, raster in maps.rasters:
         splat.splat_samples(
-            raster.depth.ravel(), raster.depth.shape[1], raster.place.pixels(camera), raster.place.perspective,
+            raster.depth.ravel(), raster.depth.shape[1], raster.pose.pixel_from_field(camera), raster.pose.perspective,
             raster.eye, base, footprint, depth, ids,
         )  # fmt: skip
     if chunks > 1:

@@ -37,22 +37,22 @@ def ball(camera):
 
 def laid(source, camera):
     raster = ibrpipe.prepare(source, "epipolar").data.rasters[0][1]
-    start, turn = raster.place.rays(camera)
+    start, directions = raster.pose.field_from_pixel(camera)
     rows, columns = raster.depth.shape
     sectors, edges, _ = el.lay_lines(
-        start, turn, raster.place.pixels(camera), (columns - 1, rows - 1), (camera.width, camera.height),
+        start, directions, raster.pose.pixel_from_field(camera), (columns - 1, rows - 1), (camera.width, camera.height),
         samples.SPACING["nearest"], samples.FINEST["nearest"], 0.0,
     )  # fmt: skip
-    return raster, start, turn, sectors, edges
+    return raster, start, directions, sectors, edges
 
 
 @pytest.mark.parametrize("eye", EYES)
 @pytest.mark.parametrize("holes", [False, True])
 def test_nearest_equals_the_twin(eye, holes):
     source, camera = smooth(holes=holes), Camera.look_at(eye, (9, 8, 1), fov_y_deg=50, width=37, height=29)
-    raster, start, turn, sectors, edges = laid(source, camera)
-    weight = raster.place.pixels(camera)[2]
-    want = epipolar_twin.nearest(start, turn, weight, False, sectors, edges, raster.depth, raster.steps, (37, 29))
+    raster, start, directions, sectors, edges = laid(source, camera)
+    weight = raster.pose.pixel_from_field(camera)[2]
+    want = epipolar_twin.nearest(start, directions, weight, False, sectors, edges, raster.depth, raster.steps, (37, 29))
     got = ibrpipe.render(source, camera, "epipolar", search="nearest").depth
     same = np.isclose(got, want, rtol=1e-5) | (np.isinf(got) & np.isinf(want))
     assert np.isfinite(want).sum() > 50
@@ -64,9 +64,11 @@ def test_nearest_equals_the_twin_on_depth_images():
     source = ball(camera)
     for eye in ((0.6, -3, 0.8), (0, -2.5, 1), (0, -4, 1.4), (1, -2.5, 1.6)):
         view = Camera.look_at(eye, (0, 0, 0), width=33, height=27)
-        raster, start, turn, sectors, edges = laid(source, view)
-        weight = raster.place.pixels(view)[2]
-        want = epipolar_twin.nearest(start, turn, weight, True, sectors, edges, raster.depth, raster.steps, (33, 27))
+        raster, start, directions, sectors, edges = laid(source, view)
+        weight = raster.pose.pixel_from_field(view)[2]
+        want = epipolar_twin.nearest(
+            start, directions, weight, True, sectors, edges, raster.depth, raster.steps, (33, 27)
+        )
         got = ibrpipe.render(source, view, "epipolar", search="nearest").depth
         same = np.isclose(got, want, rtol=1e-5) | (np.isinf(got) & np.isinf(want))
         assert np.isfinite(want).sum() > 50
@@ -77,10 +79,10 @@ def test_nearest_equals_the_twin_on_depth_images():
 def test_every_pixel_that_meets_the_map_lies_once_in_the_table_of_lines(eye):
     camera = Camera.look_at(eye, (9, 8, 1), fov_y_deg=50, width=37, height=29)
     source = smooth()
-    _, start, turn, sectors, _ = laid(source, camera)
+    _, start, directions, sectors, _ = laid(source, camera)
     y, x = np.mgrid[:29, :37] + 0.5
     p = np.stack([x, y, np.ones_like(x)])
-    w = np.einsum("ij,jyx->iyx", start[3] * turn[:2] - np.outer(start[:2], turn[3]), p)
+    w = np.einsum("ij,jyx->iyx", start[3] * directions[:2] - np.outer(start[:2], directions[3]), p)
     claims = np.zeros(x.shape, int)
     for number, own in enumerate(sectors):
         along, across = (w[0], w[1]) if number < 2 else (w[1], w[0])
