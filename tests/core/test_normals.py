@@ -7,7 +7,7 @@ import photo_twin
 import pytest
 from kernel_runs import on_all_thread_counts
 
-from ibrpipe.core.normals import corner_angles, corner_normals, face_normals, incidence, weld
+from ibrpipe.core.normals import _corner_normals, corner_angles, corner_normals, face_normals, incidence, weld
 
 CUBE = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 CUBE_FACES = np.array(
@@ -75,3 +75,26 @@ def test_faces_without_area_are_survived():
     found = corner_normals(vertices, faces)
     assert np.isfinite(found).all()
     np.testing.assert_allclose(found[0], np.tile((0, 0, 1), (3, 1)), atol=1e-7)
+
+
+def test_the_kernel_itself_sums_the_faces_around_a_corner():
+    """Faces around each vertex weighted by their angle there, whichever bend less than the crease; none, too."""
+    rng = np.random.default_rng(32)
+    corners = np.array([[0, 1, 2], [2, 1, 3], [0, 2, 4], [5, 6, 7]])
+    unit, angles = rng.normal(size=(4, 3)), rng.random((4, 3))
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    unit[3] = 0.0  # a face without area
+    starts, around = incidence(corners, 8)
+    for cosine in (-1.0, 0.0, 0.9):
+        out = np.full((4, 3, 3), 7, np.float32)
+        _corner_normals(corners, starts, around, unit, angles, cosine, out)
+        for f, c in np.ndindex(4, 3):
+            total = np.zeros(3)
+            for g, d in np.argwhere(corners == corners[f, c]):
+                if g == f or unit[f] @ unit[g] >= cosine:
+                    total += angles[g, d] * unit[g]
+            length = np.linalg.norm(total)
+            np.testing.assert_allclose(out[f, c], total / length if length else unit[f], atol=1e-6)
+    empty = np.empty((0, 3, 3), np.float32)
+    none = np.empty((0, 3), np.int64)
+    _corner_normals(none, np.zeros(1, np.int64), np.empty(0, np.int64), unit, angles, 0.0, empty)

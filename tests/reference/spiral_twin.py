@@ -37,8 +37,8 @@ def bracket(alphas, closing, alpha):
     return weights
 
 
-def lookup(ways, alphas, k, limit, closing):
-    """(N, n) weights of all samples for directions (N, 3): every turn below is counted, the two around it blended."""
+def turns_around(ways, k, limit, closing):
+    """(alpha below, alpha above, share of the turn above, turns below) for directions (N, 3); every turn is counted."""
     x, y, z = np.asarray(ways, float).T
     pitch, yaw = np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)
     yaw = np.where(yaw < 0, yaw + TURN, yaw)
@@ -55,7 +55,13 @@ def lookup(ways, alphas, k, limit, closing):
         share = np.where(high > low, np.clip((pitch - low) / (high - low), 0, 1), 1.0)
     if closing:
         share = np.where((turns > 0) & (low >= limit), 0.0, share)
-    below = bracket(alphas, closing, np.maximum(inner, 0.0))
+    return np.maximum(inner, 0.0), outer, share, turns
+
+
+def lookup(ways, alphas, k, limit, closing):
+    """(N, n) weights of all samples for directions (N, 3): the two turns around each blended."""
+    inner, outer, share, turns = turns_around(ways, k, limit, closing)
+    below = bracket(alphas, closing, inner)
     below[turns == 0] = np.eye(len(alphas))[0]
     return (1 - share)[:, None] * below + share[:, None] * bracket(alphas, closing, outer)
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernel_runs import on_all_thread_counts
-from prewarp_twin import mean_over_pixels, warp_cells, warp_plane, warp_wall
+from prewarp_twin import mean_over_pixels, paint_line, warp_cells, warp_plane, warp_wall
 
 import ibrpipe
-from ibrpipe.core.prewarp import area, equations
+from ibrpipe.core.prewarp import area, equations, rows
 from ibrpipe.renderers.prewarp.faces import plane_face, sight, wall_face
 from ibrpipe.renderers.prewarp.passes import Settings, warp_face
 from ibrpipe.renderers.prewarp.source import build_relief
@@ -201,3 +201,76 @@ def test_area_filter_takes_the_mean_over_pixels(step):
         good = share > 0.51
         assert good.sum() > 8
         np.testing.assert_allclose(out[0, good, channel], mean[good], atol=2e-3)
+
+
+@pytest.mark.parametrize("e", [16.3, -5.0, 60.0])
+@pytest.mark.parametrize("kind", ["whole", "holes", "broken", "coded", "careful", "zoomed"])
+def test_rows_alone_equal_the_twin(kind, e):
+    """`warp_rows` itself: what it reads, the rows and texels of its window, and nothing beside them."""
+    rng, none = np.random.default_rng(6), np.empty((0, 0), np.uint8)
+    height, count, ground, h = bumpy(7, 40, 0.1 if kind == "holes" else 0.0), 45, 0.3, 60.0
+    codes, table, breaks = none, np.empty(0, np.float32), none
+    if kind == "coded":
+        codes = rng.integers(0, 256, height.shape).astype(np.uint8)
+        table = np.where(np.arange(256) < 9, np.nan, rng.uniform(-0.02, 0.05, 256)).astype(np.float32)
+    if kind == "broken":
+        breaks = (rng.random(height.shape) < 0.15).astype(np.uint8)
+    zoom, shift = (1.7, -9.2) if kind == "zoomed" else (1.0, 2.1)
+    window = np.array([1, 6, 2, 37, count, kind == "careful"])
+
+    def warped():
+        out = np.full((2, 9, 32), 7, np.float32)
+        rows.warp_rows(height, codes, table, breaks, np.array([e, h, ground]), np.array([zoom, shift]), window, out)
+        return (out,)
+
+    (out,) = on_all_thread_counts(warped)
+    found = out.transpose(1, 0, 2).reshape(9, -1)
+    assert (found[[0, 6, 7, 8]] == 7).all()
+    assert (found[1:6, count:] == 0).all()
+    d = height[1:6, 2:38].astype(float) - ground
+    shifts = table[codes][1:6, 2:38].astype(float) if kind == "coded" else d / (h - d)
+    joined = np.ones((5, 35), bool) if kind != "broken" else breaks[1:6, 2:37] == 0
+    u, x = np.arange(2, 38) + 0.5, (np.arange(count) - shift) / zoom
+    wanted = [warp_window(g, u, e, x, own) for g, own in zip(shifts, joined)]
+    agree(found[1:6, :count], np.array(wanted), 0.02)
+    assert np.isfinite(wanted).any()
+
+
+def warp_window(shifts, u, e, x, joined):
+    """One line of texels at u toward the foot `e`, from both sides."""
+    places, last = u + (u - e) * shifts, len(u) - 1
+    rising = [(i, i + 1) for i in range(last) if u[i] <= e and joined[i]]
+    falling = [(i + 1, i) for i in range(last - 1, -1, -1) if u[i + 1] >= e and joined[i]]
+    before = paint_line(places, shifts, lambda s: s < e, x, rising)
+    return np.where(x < e, before, paint_line(places, shifts, lambda s: s >= e, x, falling))
+
+
+@pytest.mark.parametrize("wall", [False, True])
+@pytest.mark.parametrize("step", [0.3, 1.4])
+def test_averaged_columns_take_the_mean_over_pixels(step, wall):
+    """`area_columns` itself, on columns whose places rise; one column is empty, one is parted by a gap."""
+    count, h, texels = 11, 30.0, 60
+    v, values = np.arange(texels), RNG.uniform(0.02, 0.04, (texels, 4, 4)).astype(np.float32)
+    values[..., :3] = RNG.random((texels, 4, 3))
+    lines = np.stack([step * v - 2.0, np.full(texels, 3.0), RNG.random(texels)]).astype(np.float32)
+    values[:, 1] = np.nan
+    values[30:, 2, 3] += 0.2
+    sides = np.array([[0, texels - 1, 1, 1, 1], [0, texels - 1, 1, 1, 0]])
+    out = np.full((count + 4, 6, 4), 7, np.float32)
+    area.area_columns(values, lines, wall, h, np.inf, sides, float(count), out)
+    assert np.isnan(out[2:-2, 1]).all()
+    assert (out[:, 4:] == 7).all()
+    for column in (0, 2, 3):
+        places = lines[0].astype(float) + lines[1] * values[:, column, 3].astype(float)
+        if not (np.diff(places) > 0).all():
+            continue
+        carried = lines[2] if wall else values[:, column, 3]
+        for channel, line in enumerate((*values[:, column, :3].T, carried)):
+            mean, share = mean_over_pixels(places, line.astype(float), count)
+            good = share > 0.51
+            assert good.sum() > 8
+            np.testing.assert_allclose(out[2:-2][good, column, channel], mean[good], atol=3e-3)
+    parted = np.empty_like(out)
+    area.area_columns(values, lines, wall, h, 0.1 if wall else 2.0, sides, float(count), parted)
+    np.testing.assert_array_equal(parted[2:-2, 0], out[2:-2, 0])
+    assert np.isnan(parted[2:-2, 2]).sum() >= np.isnan(out[2:-2, 2]).sum()
