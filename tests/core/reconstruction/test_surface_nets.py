@@ -1,4 +1,4 @@
-"""Each kernel of the surface nets against dense NumPy: unknown voxels, missing blocks, no blocks, too small an output."""
+"""Kernels of the surface nets against dense NumPy: unknown voxels, missing blocks, no blocks, too small an output."""
 
 from __future__ import annotations
 
