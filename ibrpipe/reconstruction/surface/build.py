@@ -125,8 +125,8 @@ def _reason(choice: Choice, made: Made) -> str:
     if not made.photo_consistency:
         return choice.reason
     names = {"poisson": "Poisson", "volume": "averaged distances", "hull": "the outlines alone"}
-    told = ", ".join(f"{100 * value:.1f} % of {names[key]}" for key, value in made.photo_consistency.items())
-    return f"{choice.reason}; photo-consistency is {told}"
+    told = ", ".join(f"{names[key]} {100 * value:.1f} %" for key, value in made.photo_consistency.items())
+    return f"{choice.reason}; photo-consistency: {told}"
 
 
 def _judged(made: Made) -> dict[str, float]:
