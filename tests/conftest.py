@@ -71,7 +71,7 @@ def measured(make_tiny: Callable[[str], Path], tmp_path_factory: pytest.TempPath
         if scene not in made:
             folder = tmp_path_factory.mktemp("ingested") / scene
             done = ingest.run(ingest.Inputs(make_tiny(scene), folder), ingest.IngestConfig())
-            caster = MeshCaster(read_mesh(done.mesh))
+            caster = MeshCaster(read_mesh(done.given))
             made[scene] = Measured(folder, caster, load_photos(read_views(done.views).train, caster))
         return made[scene]
 

@@ -105,17 +105,15 @@ def summary(audit: Audit, capture: Capture) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_audit(audit: Audit, capture: Capture, folder: Path) -> tuple[Path, Path]:
-    """Write ``audit.json`` and the readable ``audit.txt``; return their paths."""
+def write_audit(audit: Audit, capture: Capture, data: Path, text: Path) -> None:
+    """Write the audit as JSON to `data`, and as words to `text`."""
     document = {
         "findings": [asdict(finding) for finding in audit.findings],
         "photos": [rounded(asdict(photo)) for photo in audit.photos],
         "surface": None if audit.surface is None else rounded(audit.surface),
     }
-    data, text = folder / "audit.json", folder / "audit.txt"
     data.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     text.write_text(summary(audit, capture), encoding="utf-8")
-    return data, text
 
 
 class Surface:

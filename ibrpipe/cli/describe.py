@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ibrpipe.engine.artifacts import products
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.manifest import RUN_NAME, files_below, read_manifest
 from ibrpipe.stages.registry import load_stages
@@ -114,15 +115,16 @@ def _run(path: Path) -> Facts:
     facts: Facts = {"kind": "run", "path": str(path), **read_object(path / RUN_NAME)}
     facts.pop("settings", None)
     facts["stages"] = {}
-    for stage in load_stages():
-        manifest = read_manifest(path / stage.place)
+    stages = load_stages()
+    for stage in stages:
+        manifest = read_manifest(path / stage.folder)
         if manifest is not None:
             facts["stages"][stage.name] = {
                 "seconds": manifest.seconds,
                 "peak_memory_bytes": manifest.peak_memory_bytes,
                 "bytes": sum(manifest.files.values()),
             }
-    metrics = path / "report" / "metrics.json"
+    metrics = path / products(stages)["metrics"].path
     if metrics.is_file():
         content = read_object(metrics)
         facts |= {name: content[name] for name in ("renderers", "baselines", "bytes")}

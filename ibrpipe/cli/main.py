@@ -10,33 +10,37 @@ from typing import Any, NoReturn
 import click
 
 from ibrpipe.cli.boundary import one_line
-from ibrpipe.stages.registry import STAGES
+from ibrpipe.stages.registry import registered
 from ibrpipe.version import VERSION
 
-#: heading -> command -> (where it is, one line of help)
-COMMANDS: dict[str, dict[str, tuple[str, str]]] = {
-    "Whole jobs": {
-        "demo": ("ibrpipe.cli.demo:command", "Make a synthetic capture, run the pipeline on it, open the report."),
-        "run": ("ibrpipe.cli.run:command", "Run a pipeline: what is out of date, in order."),
-    },
-    "Single stages": {name: (f"ibrpipe.cli.stage:{name}", summary) for name, (_, summary) in STAGES.items()},
-    "Tools": {
-        "bench": (
-            "ibrpipe.cli.bench:command",
-            "Hold all renderers against the exact answer.",
-        ),
-        "compare-depth": ("ibrpipe.cli.compare_depth:command", "Measure depth maps against a stereo set's truth."),
-        "compare-mesh": ("ibrpipe.cli.compare_mesh:command", "Measure a surface against the true one."),
-        "depth-images": (
-            "ibrpipe.cli.depth_images:command",
-            "Cover a mesh with few perspective depth images, as an asset.",
-        ),
-        "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run or an asset holds."),
-        "relief": ("ibrpipe.cli.relief:command", "Make relief textures; map reliefs onto meshes."),
-        "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of all files on disk."),
-        "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth."),
-    },
+Section = dict[str, tuple[str, str]]
+#: command -> (where it is, one line of help)
+JOBS: Section = {
+    "demo": ("ibrpipe.cli.demo:command", "Make a synthetic capture, run the pipeline on it, open the report."),
+    "run": ("ibrpipe.cli.run:command", "Run a pipeline: what is out of date, in order."),
 }
+TOOLS: Section = {
+    "bench": (
+        "ibrpipe.cli.bench:command",
+        "Hold all renderers against the exact answer.",
+    ),
+    "compare-depth": ("ibrpipe.cli.compare_depth:command", "Measure depth maps against a stereo set's truth."),
+    "compare-mesh": ("ibrpipe.cli.compare_mesh:command", "Measure a surface against the true one."),
+    "depth-images": (
+        "ibrpipe.cli.depth_images:command",
+        "Cover a mesh with few perspective depth images, as an asset.",
+    ),
+    "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run or an asset holds."),
+    "relief": ("ibrpipe.cli.relief:command", "Make relief textures; map reliefs onto meshes."),
+    "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of all files on disk."),
+    "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth."),
+}
+
+
+def sections() -> dict[str, Section]:
+    """Return all commands under their headings."""
+    stages = {name: (f"ibrpipe.cli.stage:{name}", entry.summary) for name, entry in registered().items()}
+    return {"Whole jobs": JOBS, "Single stages": stages, "Tools": TOOLS}
 
 
 class LazyGroup(click.Group):
@@ -44,11 +48,11 @@ class LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all commands, in the order of the help."""
-        return [name for section in COMMANDS.values() for name in section]
+        return [name for section in sections().values() for name in section]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return one command."""
-        for section in COMMANDS.values():
+        for section in sections().values():
             if cmd_name in section:
                 module, attribute = section[cmd_name][0].split(":")
                 command: click.Command = getattr(import_module(module), attribute)
@@ -69,7 +73,7 @@ class LazyGroup(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands under their headings without importing them."""
-        for heading, section in COMMANDS.items():
+        for heading, section in sections().items():
             with formatter.section(heading):
                 formatter.write_dl([(name, summary) for name, (_, summary) in section.items()])
 

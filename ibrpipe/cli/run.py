@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,13 @@ import click
 
 from ibrpipe.cli.options import dask_option, example, json_option, workers_option
 from ibrpipe.cli.show import display, duration, told
+from ibrpipe.engine.artifacts import products
 from ibrpipe.engine.executor import executor
 from ibrpipe.engine.pipeline_file import Pipeline, load_pipeline
 from ibrpipe.engine.runner import Run, run_pipeline
 from ibrpipe.errors import ConfigError
 from ibrpipe.io.manifest import Manifest
-from ibrpipe.stages.registry import STAGES, load_stages
+from ibrpipe.stages.registry import load_stages, registered
 
 _PATH = click.Path(path_type=Path)
 
@@ -32,9 +34,9 @@ _PATH = click.Path(path_type=Path)
 @click.option("--out", type=_PATH, metavar="DIR", default="out", show_default=True, help="Run folder.")
 @click.option("--set", "changes", multiple=True, metavar="STAGE.KEY=VALUE", help="Replace a setting; may be repeated.")
 @click.option(
-    "--from", "first", type=click.Choice(list(STAGES)), help="Begin here; earlier results are taken as they are."
+    "--from", "first", type=click.Choice(list(registered())), help="Begin here; earlier results are taken as they are."
 )
-@click.option("--until", "last", type=click.Choice(list(STAGES)), help="End after this stage.")
+@click.option("--until", "last", type=click.Choice(list(registered())), help="End after this stage.")
 @click.option("--force", is_flag=True, help="Run the stages even where nothing changed.")
 @click.pass_context
 def command(
@@ -59,8 +61,8 @@ def command(
         click.echo(json.dumps(summary(out, done), indent=2))
     else:
         click.echo(f"{out}: {len(done)} stages, {duration(sum(each.seconds for each in done.values()))} of work")
-        report = out / "report" / "report.html"
-        if report.is_file() and "evaluate" in done:
+        report = _fresh("report", out, done)
+        if report is not None:
             click.echo(f"report: {report}")
 
 
@@ -93,7 +95,12 @@ def summary(out: Path, done: dict[str, Manifest]) -> dict[str, Any]:
         }
         for name, manifest in done.items()
     }
-    metrics = out / "report" / "metrics.json"
-    scored = metrics.is_file() and "evaluate" in done
-    mean = json.loads(metrics.read_text(encoding="utf-8"))["mean"] if scored else None
+    metrics = _fresh("metrics", out, done)
+    mean = None if metrics is None else json.loads(metrics.read_text(encoding="utf-8"))["mean"]
     return {"out": str(out), "stages": stages, "mean": mean}
+
+
+def _fresh(name: str, out: Path, done: Mapping[str, Manifest]) -> Path | None:
+    """Return the artifact called `name` where its stage was among those done."""
+    source = products(load_stages())[name]
+    return out / source.path if source.stage.name in done and (out / source.path).exists() else None

@@ -20,15 +20,16 @@ def models() -> dict[str, type[BaseModel]]:
     from ibrpipe.bench.hard_cases.file import HardCasesFile
     from ibrpipe.bench.sizes.results import GrowthModel, Table2Model
     from ibrpipe.bench.speed_error.results import SpeedErrorModel
-    from ibrpipe.engine.documents import DOCUMENTS
+    from ibrpipe.engine.documents import Run
     from ibrpipe.engine.pipeline_file import pipeline_model
-    from ibrpipe.evaluation.metrics import MetricsModel
     from ibrpipe.io.manifest import Manifest
     from ibrpipe.stages.registry import load_stages
 
-    found: dict[str, type[BaseModel]] = {name: model for name, (model, _) in DOCUMENTS.items()}
-    found |= {"hard_cases": HardCasesFile, "manifest": Manifest, "metrics": MetricsModel}
-    found |= {"pipeline": pipeline_model(load_stages()), "speed_error": SpeedErrorModel}
+    stages = load_stages()
+    made = [each for stage in stages for each in stage.outputs.artifacts()]
+    found: dict[str, type[BaseModel]] = {Path(each.path).stem: each.document for each in made if each.document}
+    found |= {"hard_cases": HardCasesFile, "manifest": Manifest, "run": Run}
+    found |= {"pipeline": pipeline_model(stages), "speed_error": SpeedErrorModel}
     found |= {"growth": GrowthModel, "table2": Table2Model}
     return dict(sorted(found.items()))
 

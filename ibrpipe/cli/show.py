@@ -141,7 +141,7 @@ def display() -> Iterator[Display]:
 def told(event: Event) -> str:
     """Return what happens to a stage in words: one line, and below it what the stage itself has to tell."""
     if event.kind == "starts":
-        where = "" if event.place is None else f", stage {event.place[0]} of {event.place[1]}"
+        where = "" if event.position is None else f", stage {event.position[0]} of {event.position[1]}"
         return f"{event.stage}: starts ({event.text}){where}"
     if event.kind == "skipped":
         return f"{event.stage}: up to date"

@@ -12,7 +12,7 @@ import click
 from ibrpipe.cli.options import PATH, config_options, example, given, json_option
 from ibrpipe.cli.show import Display, display, told
 from ibrpipe.engine.runner import Job, run_job
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.stage import Stage, StageOutputs
 from ibrpipe.engine.yaml_settings import Key, Settings, validated
 from ibrpipe.errors import ConfigError
 from ibrpipe.io.manifest import Hasher, Manifest
@@ -36,9 +36,9 @@ STAGE = Stage(
     name="synth",
     summary="Make a synthetic capture with exact truth: photos, masks, cameras, mesh, and test views with depth.",
     inputs=Inputs,
+    outputs=StageOutputs,
     config=SynthConfig,
     run=_run,
-    needs=(),
     example="ibrpipe synth glossy captures/glossy --photos 40",
 )
 

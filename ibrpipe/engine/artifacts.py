@@ -1,47 +1,46 @@
-"""Where the inputs of a stage are found: in the capture folder, or at their places in a run folder."""
+"""Where the inputs of a stage come from: the capture folder, or the artifact of that name that an earlier stage makes.
+
+Of several stages that make an artifact of one name the latest before the reader counts. So a stage may replace what an
+earlier one has made: it takes the earlier one as its input, and all stages after it take its own without knowing.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.stage import Artifact, Stage
 from ibrpipe.errors import ConfigError, MissingFileError
 from ibrpipe.io.manifest import Hasher, digest
 
-#: input name -> path below the run folder
-PLACES = {
-    "calibration": "calibrate",
-    "views": "ingest/views.json",
-    "given": "ingest/mesh.ply",
-    "points": "ingest/points.npz",
-    "mesh": "geometry/mesh.ply",
-    "plan": "plan/plan.json",
-    "layers": "layers",
-    "residuals": "residuals",
-    "asset": "asset",
-    "frames": "render",
-    "run": ".",
-}
-
-#: what the inputs are, for --help
-MEANING = {
+#: inputs that no stage makes, and what they are
+GIVEN = {
     "capture": "Capture folder: images; cameras and mesh where there are any.",
-    "calibration": "Folder of the calibrate stage.",
-    "views": "views.json of the ingest stage.",
-    "given": "The capture's own mesh (PLY).",
-    "points": "Sparse points of the calibration (NPZ).",
-    "mesh": "Mesh of the object (PLY).",
-    "plan": "plan.json of the plan stage.",
-    "layers": "Folder of the layers stage.",
-    "residuals": "Folder of the residuals stage.",
-    "asset": "Asset folder.",
-    "frames": "Folder of the render stage.",
     "run": "Run folder.",
     "seed": "Seed of all random numbers.",
 }
+
+
+@dataclass(frozen=True)
+class Source:
+    """A stage and one of its artifacts.
+
+    Attributes
+    ----------
+    stage : Stage
+    artifact : Artifact
+    """
+
+    stage: Stage
+    artifact: Artifact
+
+    @property
+    def path(self) -> str:
+        """Where the artifact lies, relative to the run folder."""
+        return self.stage.path_of(self.artifact)
 
 
 def input_fields(stage: Stage) -> dict[str, bool]:
@@ -54,35 +53,65 @@ def input_fields(stage: Stage) -> dict[str, bool]:
     }
 
 
-def wire(stage: Stage, run: Path, capture: Path | None, seed: int) -> dict[str, Any]:
+def products(stages: Sequence[Stage]) -> dict[str, Source]:
+    """Return every artifact that `stages` make, by name; of one name the latest."""
+    return {made.name: Source(stage, made) for stage in stages for made in stage.outputs.artifacts()}
+
+
+def earlier(stage: Stage, stages: Sequence[Stage]) -> Sequence[Stage]:
+    """Return the stages before `stage`; all where it is none of them."""
+    names = [each.name for each in stages]
+    return stages[: names.index(stage.name)] if stage.name in names else stages
+
+
+def sources(stage: Stage, stages: Sequence[Stage]) -> dict[str, Source]:
+    """Return where the inputs of a stage come from, by name; one that nothing provides may only be optional.
+
+    Raises
+    ------
+    ConfigError
+        No stage before it makes an input that it must have.
+    """
+    known, found = products(earlier(stage, stages)), dict[str, Source]()
+    for name, required in input_fields(stage).items():
+        if name in known:
+            found[name] = known[name]
+        elif required and name not in GIVEN:
+            there = ", ".join([*GIVEN, *known])
+            raise ConfigError(f'stage {stage.name} has an input "{name}" that nothing provides; known: {there}')
+    return found
+
+
+def needs(stage: Stage, stages: Sequence[Stage]) -> tuple[str, ...]:
+    """Return the names of the stages whose artifacts a stage reads, in order; "capture" stands for the capture."""
+    read = {source.stage.name for source in sources(stage, stages).values()}
+    capture = ("capture",) if "capture" in input_fields(stage) else ()
+    return (*capture, *(each.name for each in stages if each.name in read))
+
+
+def wire(stage: Stage, stages: Sequence[Stage], run: Path, capture: Path | None, seed: int) -> dict[str, Any]:
     """Return the inputs of a stage inside the run folder `run`, name to value, without `out`.
 
     Raises
     ------
     MissingFileError
         One does not exist.
+    ConfigError
+        No stage makes it.
     """
+    known = {name: run / source.path for name, source in sources(stage, stages).items()}
+    paths: dict[str, Path | None] = {**known, "capture": capture, "run": run}
     wired: dict[str, Any] = {}
     for name, required in input_fields(stage).items():
         if name == "seed":
             wired[name] = seed
             continue
-        path = _path_of(name, stage, run, capture)
+        path = paths.get(name)
         if path is not None and path.exists():
             wired[name] = path
         elif required:
             raise MissingFileError(_absence(name, path, stage))
     return wired
-
-
-def _path_of(name: str, stage: Stage, run: Path, capture: Path | None) -> Path | None:
-    if name == "capture":
-        return capture
-    if name not in PLACES:
-        raise ConfigError(
-            f'stage {stage.name} has an input "{name}" that nothing provides; known: {", ".join(MEANING)}'
-        )
-    return run / PLACES[name]
 
 
 def _absence(name: str, path: Path | None, stage: Stage) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrpipe.config import StageConfig
-from ibrpipe.engine.artifacts import files_named, hashes, wire
+from ibrpipe.engine.artifacts import files_named, hashes, needs, wire
 from ibrpipe.engine.pipeline_file import Pipeline
 from ibrpipe.engine.provenance import code_digest, measured, versions
 from ibrpipe.engine.run_folder import files_with_sizes, only_run, whole_folder
@@ -37,7 +37,7 @@ class Event:
     stage : str
     kind : str
         "starts" (`text` says why), "done" (`manifest` says the cost, `text` what came of it) or "skipped".
-    place : tuple of int or None
+    position : tuple of int or None
         Which stage it is of how many that were asked for, (k, n); None = it was asked for alone.
     """
 
@@ -45,7 +45,7 @@ class Event:
     kind: str
     text: str = ""
     manifest: Manifest | None = None
-    place: tuple[int, int] | None = None
+    position: tuple[int, int] | None = None
 
 
 Report = Callable[[Event], None]
@@ -182,18 +182,18 @@ def run_pipeline(run: Run, stages: Sequence[Stage], report: Report = _silent) ->
         hasher = Hasher(run.out / ".hashes.json")
         try:
             for number, stage in enumerate(chosen, 1):
-                fields = wire(stage, run.out, capture, run.pipeline.seed)
+                fields = wire(stage, stages, run.out, capture, run.pipeline.seed)
                 config = run.pipeline.configs[stage.name]
-                job = Job(stage, fields, config, run.out / stage.place, _keys(stage, stages, run.out))
-                done[stage.name] = run_job(job, hasher, run.force, _placed(report, number, len(chosen)))
+                job = Job(stage, fields, config, run.out / stage.folder, upstream_keys(stage, stages, run.out))
+                done[stage.name] = run_job(job, hasher, run.force, _counted(report, number, len(chosen)))
         finally:
             hasher.remember()
     return done
 
 
-def _placed(report: Report, number: int, count: int) -> Report:
+def _counted(report: Report, number: int, count: int) -> Report:
     """Return a report that also tells which stage of how many it is about."""
-    return lambda event: report(dataclasses.replace(event, place=(number, count)))
+    return lambda event: report(dataclasses.replace(event, position=(number, count)))
 
 
 def _chosen(run: Run, stages: Sequence[Stage]) -> list[Stage]:
@@ -208,10 +208,11 @@ def _chosen(run: Run, stages: Sequence[Stage]) -> list[Stage]:
     return list(stages[first : last + 1])
 
 
-def _keys(stage: Stage, stages: Sequence[Stage], out: Path) -> dict[str, str]:
+def upstream_keys(stage: Stage, stages: Sequence[Stage], out: Path) -> dict[str, str]:
     """Return the keys of the results that `stage` reads."""
-    places = {each.name: each.place for each in stages}
-    known = {name: read_manifest(out / places[name]) for name in stage.needs if name in places}
+    folders = {each.name: each.folder for each in stages}
+    read = [name for name in needs(stage, stages) if name in folders]
+    known = {name: read_manifest(out / folders[name]) for name in read}
     return {name: manifest.key for name, manifest in known.items() if manifest is not None}
 
 

@@ -42,18 +42,19 @@ class TrueSurface:
     told: str
 
 
-def find_truth(named: Path | None, given: Path | None, mesh: Path, capture: Path | None = None) -> Path | None:
-    """Return the true mesh of a run.
+def find_truth(
+    named: Path | None, given: Path | None, geometry: Path | None, capture: Path | None = None
+) -> Path | None:
+    """Return the true mesh of a run whose ``geometry.json`` is `geometry`.
 
     It is the one that is named, else the capture's own where the run's was made without it, else what the capture keeps
     aside in ``truth/``; a run that used the capture's mesh has none.
     """
     if named is not None:
         return named
-    document = mesh.parent / "geometry.json"
-    if not document.is_file():
+    if geometry is None or not geometry.is_file():
         return None
-    if json.loads(document.read_text(encoding="utf-8")).get("decision", "given") == "given":
+    if json.loads(geometry.read_text(encoding="utf-8")).get("decision", "given") == "given":
         return None
     if given is not None:
         return given
@@ -61,8 +62,8 @@ def find_truth(named: Path | None, given: Path | None, mesh: Path, capture: Path
     return next((path for path in aside if path.is_file()), None)
 
 
-def placed_truth(path: Path, views: Sequence[View], capture: Path | None, run: Path | None) -> TrueSurface:
-    """Read a true mesh and bring it into the world of the views.
+def placed_truth(path: Path, views: Sequence[View], capture: Path | None, calibration: Path | None) -> TrueSurface:
+    """Read a true mesh and bring it into the world of the views; `calibration` is the folder of stage calibrate.
 
     True cameras beside the mesh (``truth/sparse/0`` or ``truth/transforms.json``, photos known by their names) tell by
     which similarity. Without them the mesh must be in the world of the cameras already, which it cannot be where
@@ -78,7 +79,7 @@ def placed_truth(path: Path, views: Sequence[View], capture: Path | None, run: P
     mesh, name = read_mesh(path), _named(path, capture)
     true = _true_cameras(path.parent, views, capture)
     if true is None:
-        if _own_world(run):
+        if _own_world(calibration):
             return TrueSurface(
                 path,
                 None,
@@ -129,9 +130,9 @@ def _true_cameras(folder: Path, views: Sequence[View], capture: Path | None) -> 
     return np.array([true[name] for name in names]), np.array([found[name].camera.cam_from_world for name in names])
 
 
-def _own_world(run: Path | None) -> bool:
+def _own_world(calibration: Path | None) -> bool:
     """Whether stage calibrate found cameras and nothing tied them to any other world."""
-    document = None if run is None else run / "calibrate" / "calibration.json"
+    document = None if calibration is None else calibration / "calibration.json"
     if document is None or not document.is_file():
         return False
     content = json.loads(document.read_text(encoding="utf-8"))

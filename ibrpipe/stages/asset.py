@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import Field
 
 from ibrpipe.config import StageConfig
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.assets import INDEX, AssetIndex, TextureEntry, write_index
 from ibrpipe.io.components import Component
 from ibrpipe.io.residuals import NAME
@@ -37,10 +37,11 @@ class Inputs:
 
 
 @dataclass(frozen=True)
-class Outputs:
+class Outputs(StageOutputs):
     """`asset.json`; the textures lie beside it."""
 
-    index: Path
+    asset: Path = artifact("", "Asset folder.")
+    index: Path = artifact(INDEX, "Index of the asset.", AssetIndex)
 
 
 def run(inputs: Inputs, config: AssetConfig) -> Outputs:
@@ -62,7 +63,7 @@ def run(inputs: Inputs, config: AssetConfig) -> Outputs:
         "reasons": json.loads(inputs.plan.read_text(encoding="utf-8"))["reasons"],
     }
     write_index(AssetIndex(units=config.units, textures=entries, provenance=provenance), inputs.out)
-    return Outputs(inputs.out / INDEX)
+    return Outputs.below(inputs.out)
 
 
 def _entry(inputs: Inputs, index: int, layers: dict[str, Any], residuals: dict[str, Any] | None) -> TextureEntry:
@@ -82,9 +83,9 @@ STAGE = Stage(
     name="asset",
     summary="Put layers and residuals together as a finished asset folder.",
     inputs=Inputs,
+    outputs=Outputs,
     config=AssetConfig,
     run=run,
-    needs=("ingest", "plan", "layers", "residuals"),
     example="ibrpipe asset --views out/ingest/views.json --plan out/plan/plan.json --layers out/layers "
     "--residuals out/residuals --out out",
 )

@@ -18,9 +18,10 @@ from ibrpipe.calibration.job import Job, write_job
 from ibrpipe.calibration.photos import photos_of, without_cameras
 from ibrpipe.calibration.results import WEAK, summary
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.documents import Calibration
 from ibrpipe.engine.provenance import count_child
 from ibrpipe.engine.run_folder import kept_folder
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.captures import has_cameras
 from ibrpipe.io.manifest import write_json
@@ -137,11 +138,12 @@ class Inputs:
 
 
 @dataclass(frozen=True)
-class Outputs:
+class Outputs(StageOutputs):
     """What calibrate writes; a model only where it has found one."""
 
-    calibration: Path
-    model: Path | None = None
+    calibration: Path = artifact("", "Folder of the calibrate stage.")
+    calibration_document: Path = artifact("calibration.json", "What was found, and how well.", Calibration)
+    model: Path | None = artifact("sparse/0", "COLMAP model of the cameras that were found.", optional=True)
 
 
 def run(inputs: Inputs, config: CalibrateConfig) -> Outputs:
@@ -158,10 +160,12 @@ def run(inputs: Inputs, config: CalibrateConfig) -> Outputs:
         raise MissingFileError(f"{inputs.capture}: is no folder; give a capture folder with images/")
     root = inputs.capture.resolve()
     inputs.out.mkdir(parents=True, exist_ok=True)
-    calibration = inputs.out / "calibration.json"
+    outputs = Outputs.below(inputs.out)
     if _all_given(root) and config.mode == "auto":
-        write_json(calibration, {"schema": SCHEMA, "decision": "given", "reason": "the capture has cameras"})
-        return Outputs(calibration)
+        write_json(
+            outputs.calibration_document, {"schema": SCHEMA, "decision": "given", "reason": "the capture has cameras"}
+        )
+        return outputs.made()
     job = _job(root, inputs, config)
     work = Path(job.work)
     write_job(job, work / "job.json")
@@ -173,10 +177,9 @@ def run(inputs: Inputs, config: CalibrateConfig) -> Outputs:
     _check(document, config, root)
     shutil.copytree(job.result, inputs.out, dirs_exist_ok=True)
     shutil.rmtree(job.result)
-    write_json(calibration, document)
+    write_json(outputs.calibration_document, document)
     (inputs.out / "summary.txt").write_text(summary(document), encoding="utf-8")
-    model = inputs.out / "sparse" / "0"
-    return Outputs(calibration, model if model.is_dir() else None)
+    return outputs.made()
 
 
 def _all_given(root: Path) -> bool:
@@ -233,8 +236,8 @@ STAGE = Stage(
     name="calibrate",
     summary="Find the cameras of photos that come without.",
     inputs=Inputs,
+    outputs=Outputs,
     config=CalibrateConfig,
     run=run,
-    needs=("capture",),
     example="ibrpipe calibrate captures/vase --out runs/vase",
 )

@@ -16,7 +16,7 @@ from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.machine import describe_machine
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import IbrError
 from ibrpipe.evaluation.compared_methods import Contest, make_contest
 from ibrpipe.evaluation.geometry_scores import GeometryRules, filled_vertices, measure_geometry
@@ -70,8 +70,9 @@ class EvaluateConfig(StageConfig):
 class Inputs:
     """A finished asset, the frames rendered from it, the views and mesh it was made from, and the folder to write to.
 
-    `run` is the run folder, whose manifests, plan and audit the report tells of; None leaves them out. `given` is the
-    capture's own mesh: the truth where `mesh` was made without it.
+    The report also tells of `plan`, `audit` and the manifests in the run folder `run`; None leaves them out.
+    `geometry` says how the mesh was made and `dense` holds its depth maps. `given` is the capture's own mesh: the truth
+    where `mesh` was made without it; `calibration` tells whether both lie in one world.
     """
 
     asset: Path
@@ -81,14 +82,19 @@ class Inputs:
     out: Path
     run: Path | None = None
     given: Path | None = None
+    calibration: Path | None = None
+    plan: Path | None = None
+    audit: Path | None = None
+    geometry: Path | None = None
+    dense: Path | None = None
 
 
 @dataclass(frozen=True)
-class Outputs:
+class Outputs(StageOutputs):
     """Figures for machines and a report for people."""
 
-    metrics: Path
-    report: Path
+    metrics: Path = artifact("metrics.json", "Figures for machines.", MetricsModel)
+    report: Path = artifact("report.html", "Report for people.")
 
 
 def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
@@ -125,9 +131,10 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
         machine=describe_machine(),
         protocol=make_protocol(cameras[0], config.timing_repeats, len(cameras), config.highlight_threshold),
     )
-    outputs = Outputs(inputs.out / "metrics.json", inputs.out / "report.html")
+    outputs = Outputs.below(inputs.out)
     write_metrics(metrics, outputs.metrics)
-    write_report(outputs.report, metrics, pictures, read_sources(views, inputs.run, inputs.mesh), surfaces)
+    told = read_sources(views, inputs.plan, inputs.audit, inputs.geometry)
+    write_report(outputs.report, metrics, pictures, told, surfaces)
     if truth is not None:
         (inputs.out / "summary.txt").write_text(_told(truth, geometry), encoding="utf-8")
     return outputs
@@ -138,16 +145,17 @@ def _measured(
 ) -> tuple[TrueSurface | None, GeometryScores | None]:
     """Measure the surface where there is a truth; one that nobody named must not cost the report when it is bad."""
     capture = Path(views.info["capture"]) if "capture" in views.info else None
-    path = find_truth(None if config.truth is None else Path(config.truth), inputs.given, inputs.mesh, capture)
+    named = None if config.truth is None else Path(config.truth)
+    path = find_truth(named, inputs.given, inputs.geometry, capture)
     if path is None:
         return None, None
     try:
-        truth = placed_truth(path, views.train, capture, inputs.run)
+        truth = placed_truth(path, views.train, capture, inputs.calibration)
         if truth.mesh is None:
             return truth, None
         rules = GeometryRules(config.surface_thresholds, config.surface_samples)
-        dense, filled = inputs.mesh.parent / "dense", filled_vertices(inputs.mesh)
-        return truth, measure_geometry(mesh, truth.mesh, path.name, views.train, dense, rules, filled)
+        filled = filled_vertices(inputs.mesh)
+        return truth, measure_geometry(mesh, truth.mesh, path.name, views.train, inputs.dense, rules, filled)
     except IbrError as error:
         if config.truth is not None:
             raise
@@ -224,9 +232,9 @@ STAGE = Stage(
     name="evaluate",
     summary="Score frames of held-out views beside plain baselines; write metrics.json and report.html.",
     inputs=Inputs,
+    outputs=Outputs,
     config=EvaluateConfig,
     run=run,
-    needs=("ingest", "geometry", "plan", "asset", "render"),
     example="ibrpipe evaluate --out runs/vase",
     folder="report",
 )

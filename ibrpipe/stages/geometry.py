@@ -16,8 +16,9 @@ from ibrpipe.capture.audit import Surface, rounded
 from ibrpipe.capture.coverage import spread_points
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
+from ibrpipe.engine.documents import Geometry as GeometryDocument
 from ibrpipe.engine.run_folder import kept_folder
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.dense import DepthMap, Workspace, write_workspace
 from ibrpipe.io.manifest import digest, write_json
 from ibrpipe.io.points import read_points
@@ -66,11 +67,12 @@ class Inputs:
 
 
 @dataclass(frozen=True)
-class Outputs:
+class Outputs(StageOutputs):
     """What geometry writes."""
 
-    mesh: Path
-    geometry: Path
+    mesh: Path = artifact("mesh.ply", "Mesh of the object (PLY).")
+    geometry: Path = artifact("geometry.json", "geometry.json of the geometry stage.", GeometryDocument)
+    dense: Path | None = artifact("dense", "Depth maps as a COLMAP dense workspace.", optional=True)
 
 
 def run(inputs: Inputs, config: GeometryConfig) -> Outputs:
@@ -83,19 +85,19 @@ def run(inputs: Inputs, config: GeometryConfig) -> Outputs:
     """
     views = read_views(inputs.views)
     inputs.out.mkdir(parents=True, exist_ok=True)
+    outputs = Outputs.below(inputs.out)
     if inputs.given is not None and config.use_given:
         mesh = read_mesh(inputs.given)
-        write_mesh(mesh, inputs.out / "mesh.ply")
+        write_mesh(mesh, outputs.mesh)
         document: dict[str, Any] = {"decision": "given", "reason": "the capture has a mesh", **_counts(mesh)}
     else:
         with whole(STAGE.name, _parts(views, config)):
             document = _from_photos(views, inputs, config)
-    outputs = Outputs(inputs.out / "mesh.ply", inputs.out / "geometry.json")
     write_json(outputs.geometry, {"schema": SCHEMA, **document})
     if document.get("warnings"):
         told = "".join(f"warning: {line}\n" for line in document["warnings"])
         (inputs.out / "summary.txt").write_text(told, encoding="utf-8")
-    return outputs
+    return outputs.made()
 
 
 def _parts(views: ViewSet, config: GeometryConfig) -> list[Part]:
@@ -195,8 +197,8 @@ STAGE = Stage(
     name="geometry",
     summary="Take the mesh that is given, or make one from the photos.",
     inputs=Inputs,
+    outputs=Outputs,
     config=GeometryConfig,
     run=run,
-    needs=("ingest",),
     example="ibrpipe geometry --views out/ingest/views.json --given out/ingest/mesh.ply --out out",
 )

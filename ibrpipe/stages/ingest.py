@@ -15,7 +15,9 @@ from ibrpipe.calibration.job import read_alignment
 from ibrpipe.capture.audit import audit_capture, stop_on_errors, write_audit
 from ibrpipe.capture.findings import Limits
 from ibrpipe.config import StageConfig
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.documents import Audit as AuditDocument
+from ibrpipe.engine.documents import Views as ViewsDocument
+from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.cameras.lenses import Keep
 from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, read_capture
@@ -82,13 +84,14 @@ class Inputs:
 
 
 @dataclass(frozen=True)
-class Outputs:
+class Outputs(StageOutputs):
     """What ingest writes."""
 
-    views: Path
-    mesh: Path | None
-    audit: Path
-    summary: Path
+    views: Path = artifact("views.json", "views.json of the ingest stage.", ViewsDocument)
+    audit: Path = artifact("audit.json", "audit.json of the ingest stage.", AuditDocument)
+    audit_text: Path = artifact("audit.txt", "The audit in words.")
+    given: Path | None = artifact("mesh.ply", "The capture's own mesh (PLY).", optional=True)
+    points: Path | None = artifact("points.npz", "Sparse points of the calibration (NPZ).", optional=True)
 
 
 def run(inputs: Inputs, config: IngestConfig) -> Outputs:
@@ -113,15 +116,16 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
     audit = audit_capture(capture, mesh, _limits(config))
     stop_on_errors(audit)
     inputs.out.mkdir(parents=True, exist_ok=True)
-    views, surface = inputs.out / "views.json", None if mesh is None else inputs.out / "mesh.ply"
+    outputs = Outputs.below(inputs.out)
+    surface = None if mesh is None else outputs.given
     if mesh is not None and surface is not None:
         write_mesh(mesh, surface)
     points = None if capture.model is None else points_of_views(capture.model, capture.root / "images", capture.train)
-    if points is not None:
-        write_points(points, inputs.out / "points.npz")
-    write_views(_view_set(capture, surface), views)
-    findings, text = write_audit(audit, capture, inputs.out)
-    return Outputs(views, surface, findings, text)
+    if points is not None and outputs.points is not None:
+        write_points(points, outputs.points)
+    write_views(_view_set(capture, surface), outputs.views)
+    write_audit(audit, capture, outputs.audit, outputs.audit_text)
+    return outputs.made()
 
 
 def _without_foreign_mesh(capture: Capture, calibration: Path | None) -> Capture:
@@ -181,8 +185,8 @@ STAGE = Stage(
     name="ingest",
     summary="Check a capture folder and turn its photos and cameras into views that every later stage reads.",
     inputs=Inputs,
+    outputs=Outputs,
     config=IngestConfig,
     run=run,
-    needs=("capture", "calibrate"),
     example="ibrpipe ingest captures/shiny_vase --out runs/vase",
 )

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.documents import Layers as LayersDocument
+from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.layers import write_layers
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import read_views
@@ -29,11 +30,11 @@ class Inputs:
 
 
 @dataclass(frozen=True)
-class Outputs:
+class Outputs(StageOutputs):
     """`layers.json` and one folder per texture with `layers.exr`."""
 
-    summary: Path
-    textures: tuple[Path, ...]
+    layers: Path = artifact("", "Folder of the layers stage.")
+    layers_document: Path = artifact("layers.json", "Figures of all textures.", LayersDocument)
 
 
 def run(inputs: Inputs, config: LayersConfig) -> Outputs:
@@ -52,26 +53,25 @@ def run(inputs: Inputs, config: LayersConfig) -> Outputs:
     layered, plain = [layers for layers, _ in built], [not plan.residuals for plan in plans]
     rectangles, statistic = [plan.rectangle for plan in plans], STATISTICS[config.statistic]
     sharp, psnr = sharpen(rectangles, layered, plain, caster, photos, config.sharpen, statistic)
-    figures, folders = [], []
+    figures = []
     for which, (layers, (_, figure)) in enumerate(zip(sharp, built, strict=True)):
         folder = inputs.out / f"texture_{which:02d}"
         folder.mkdir(parents=True, exist_ok=True)
         write_layers(rounded(layers, config.color_bits), folder / "layers.exr")
         figures.append({**figure, "bytes": (folder / "layers.exr").stat().st_size})
-        folders.append(folder)
-    summary = inputs.out / "layers.json"
+    outputs = Outputs.below(inputs.out)
     content = {"textures": figures, "training_psnr": [round(value, 3) for value in psnr]}
-    summary.write_text(json.dumps(content, indent=1), encoding="utf-8")
-    return Outputs(summary, tuple(folders))
+    outputs.layers_document.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    return outputs
 
 
 STAGE = Stage(
     name="layers",
     summary="Build layered depth images with the diffuse colour of every surface sample.",
     inputs=Inputs,
+    outputs=Outputs,
     config=LayersConfig,
     run=run,
-    needs=("ingest", "geometry", "plan"),
     example="ibrpipe layers --views out/ingest/views.json --mesh out/geometry/mesh.ply --plan out/plan/plan.json "
     "--out out",
 )

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.documents import Plan as PlanDocument
+from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.frusta import write_frusta
@@ -26,10 +27,11 @@ class Inputs:
 
 
 @dataclass(frozen=True)
-class Outputs:
+class Outputs(StageOutputs):
     """`plan.json`: textures, and the reason for every choice; `frusta.yaml` where there are perspective images."""
 
-    plan: Path
+    plan: Path = artifact("plan.json", "plan.json of the plan stage.", PlanDocument)
+    frusta: Path | None = artifact("frusta.yaml", "Frusta of the perspective images.", optional=True)
 
 
 def run(inputs: Inputs, config: PlanConfig) -> Outputs:
@@ -37,20 +39,20 @@ def run(inputs: Inputs, config: PlanConfig) -> Outputs:
     caster = MeshCaster(read_mesh(inputs.mesh))
     photos = load_photos(read_views(inputs.views).train, caster)
     plans, reasons = make_plan(caster, photos, config, inputs.seed)
-    path = inputs.out / "plan.json"
-    write_plan(plans, reasons, path)
+    outputs = Outputs.below(inputs.out)
+    write_plan(plans, reasons, outputs.plan)
     frusta = [plan.rectangle.frustum for plan in plans if plan.rectangle.frustum]
-    if frusta:
-        write_frusta(frusta, inputs.out / "frusta.yaml")
-    return Outputs(path)
+    if frusta and outputs.frusta is not None:
+        write_frusta(frusta, outputs.frusta)
+    return outputs.made()
 
 
 STAGE = Stage(
     name="plan",
     summary="Decide what to model and why: rectangles, resolution, layers, residuals.",
     inputs=Inputs,
+    outputs=Outputs,
     config=PlanConfig,
     run=run,
-    needs=("ingest", "geometry"),
     example="ibrpipe plan --views out/ingest/views.json --mesh out/geometry/mesh.ply --out out",
 )

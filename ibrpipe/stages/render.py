@@ -13,7 +13,8 @@ from typing import Any, Literal
 from pydantic import Field, field_validator
 
 from ibrpipe.config import StageConfig
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.documents import Frames as FramesDocument
+from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import ShapeError
 from ibrpipe.io.assets import read_asset
 from ibrpipe.io.frames import frame_entry, write_frame
@@ -90,10 +91,11 @@ class Inputs:
 
 
 @dataclass(frozen=True)
-class Outputs:
+class Outputs(StageOutputs):
     """What render writes: a list of frames, and the frames themselves in one folder per renderer."""
 
-    frames: Path
+    frames: Path = artifact("", "Folder of the render stage.")
+    frames_document: Path = artifact("frames.json", "List of the frames.", FramesDocument)
 
 
 def run(inputs: Inputs, config: RenderConfig) -> Outputs:
@@ -121,8 +123,8 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
             pictures = [inputs.out / frame["png"] for frame in frames if frame["renderer"] == renderer]
             write_video(inputs.out / videos[renderer], pictures, config.fps)
     document = {"path": config.path, "renderers": list(config.renderers), "videos": videos, "frames": frames}
-    outputs = Outputs(inputs.out / "frames.json")
-    outputs.frames.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    outputs = Outputs.below(inputs.out)
+    outputs.frames_document.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return outputs
 
 
@@ -159,9 +161,9 @@ STAGE = Stage(
     name="render",
     summary="Render an asset along a camera path to OpenEXR, PNG and, if asked for, video.",
     inputs=Inputs,
+    outputs=Outputs,
     config=RenderConfig,
     run=run,
-    needs=("ingest", "asset"),
     example="ibrpipe render --out runs/vase --path orbit:frames=96,elevation=25 --video",
 )
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.documents import Residuals as ResidualsDocument
+from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.residuals import write_residuals
 from ibrpipe.modelling.plan_file import TexturePlan, read_plan
 from ibrpipe.modelling.view_dependence.coding import code
@@ -33,11 +34,11 @@ class Inputs:
 
 
 @dataclass(frozen=True)
-class Outputs:
+class Outputs(StageOutputs):
     """`residuals.json` and one file per texture that has residuals."""
 
-    summary: Path
-    files: tuple[Path, ...]
+    residuals: Path = artifact("", "Folder of the residuals stage.")
+    residuals_document: Path = artifact("residuals.json", "Figures of all textures.", ResidualsDocument)
 
 
 def write_texture(
@@ -84,19 +85,19 @@ def run(inputs: Inputs, config: ResidualsConfig) -> Outputs:
     samples.clear()  # some systems do not remove files that are mapped
     for leftover in inputs.out.glob("*.partial"):
         leftover.unlink()
-    summary = inputs.out / "residuals.json"
+    outputs = Outputs.below(inputs.out)
     content = {"textures": [figures for _, figures in written], "training_psnr": [round(value, 3) for value in psnr]}
-    summary.write_text(json.dumps(content, indent=1), encoding="utf-8")
-    return Outputs(summary, tuple(path for path, _ in written))
+    outputs.residuals_document.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    return outputs
 
 
 STAGE = Stage(
     name="residuals",
     summary="Sample view-dependent residuals along the spiral directions of every texture that needs them.",
     inputs=Inputs,
+    outputs=Outputs,
     config=ResidualsConfig,
     run=run,
-    needs=("ingest", "geometry", "plan", "layers"),
     example="ibrpipe residuals --views out/ingest/views.json --mesh out/geometry/mesh.ply --plan out/plan/plan.json "
     "--layers out/layers --out out",
 )

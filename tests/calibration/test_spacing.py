@@ -73,7 +73,8 @@ def test_the_remedy_names_how_many_and_where(cloud: Array) -> None:
 
 def document_of(capture: Path, out: Path, **settings: object) -> dict:
     out.mkdir(parents=True)
-    return json.loads(run(Inputs(capture, 0, out), CalibrateConfig(**settings)).calibration.read_text(encoding="utf-8"))
+    made = run(Inputs(capture, 0, out), CalibrateConfig(**settings))
+    return json.loads(made.calibration_document.read_text(encoding="utf-8"))
 
 
 def test_three_photos_far_apart_and_one_whose_mask_is_empty(tmp_path: Path) -> None:

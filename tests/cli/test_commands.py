@@ -18,16 +18,16 @@ from click.testing import CliRunner, Result
 from pydantic import Field, model_validator
 
 from ibrpipe.cli import boundary
-from ibrpipe.cli.main import COMMANDS, cli
+from ibrpipe.cli.main import cli, sections
 from ibrpipe.cli.stage import stage_command
 from ibrpipe.config import StageConfig
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.stage import Stage, StageOutputs
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.manifest import read_manifest
 from ibrpipe.progress import track
-from ibrpipe.stages.registry import STAGES, load_stage
+from ibrpipe.stages.registry import load_stage, registered
 
-NAMES = [name for section in COMMANDS.values() for name in section]
+NAMES = [name for section in sections().values() for name in section]
 
 
 def call(*args: object, command: click.Command = cli) -> Result:
@@ -49,7 +49,7 @@ def test_help_has_summary_options_and_example(name: str) -> None:
             assert param.help, f"{name} --{param.name} has no help"
 
 
-@pytest.mark.parametrize("name", STAGES)
+@pytest.mark.parametrize("name", registered())
 def test_example_of_a_stage_is_a_valid_call(name: str) -> None:
     stage = load_stage(name)
     words = stage.example.split()
@@ -71,7 +71,7 @@ def test_group_help_is_instant_and_lists_every_command() -> None:
 
 
 def test_stage_summaries_are_the_ones_listed() -> None:
-    for name in STAGES:
+    for name in registered():
         assert load_stage(name).name == name
 
 
@@ -146,7 +146,7 @@ def fake_run(inputs: FakeInputs, config: FakeConfig) -> None:
     (inputs.out / "text.txt").write_text(f"{config.bins} {inputs.seed} {inputs.mesh is None}")
 
 
-FAKE = Stage("fake", "A fake stage.", FakeInputs, FakeConfig, fake_run, ("capture",), "ibrpipe fake c --out o")
+FAKE = Stage("fake", "A fake stage.", FakeInputs, StageOutputs, FakeConfig, fake_run, "ibrpipe fake c --out o")
 
 
 @pytest.fixture

@@ -12,11 +12,11 @@ import click
 import pytest
 
 import ibrpipe
-from ibrpipe.cli.main import COMMANDS, cli
+from ibrpipe.cli.main import cli, sections
 
 ROOT = Path(ibrpipe.__file__).parent.parent
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("data_specs/*.md")])
-NAMES = [name for section in COMMANDS.values() for name in section]
+NAMES = [name for section in sections().values() for name in section]
 
 
 def _generator() -> object:

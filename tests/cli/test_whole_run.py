@@ -16,9 +16,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ibrpipe.cli.main import cli
-from ibrpipe.engine.documents import DOCUMENTS
+from ibrpipe.cli.schema import models
 from ibrpipe.evaluation.metrics import read_metrics
-from ibrpipe.stages.registry import STAGES, load_stage
+from ibrpipe.stages.registry import load_stages, registered
 
 FAST = ["plan.samples=2000", "plan.residuals=always", "plan.k=0.125", "render.repeats=1", "evaluate.timing_width=64"]
 FAST += ["evaluate.timing_repeats=1", "evaluate.timing_views=1", "evaluate.report_views=1"]
@@ -38,7 +38,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory, tiny_glossy: Path) -> Pat
     out = tmp_path_factory.mktemp("run") / "out"
     result = run(out, "--capture", tiny_glossy, "--workers", 2)
     assert result.exit_code == 0, result.output
-    assert started(result) == list(STAGES)
+    assert started(result) == list(registered())
     assert f"report: {out / 'report/report.html'}" in result.stdout
     return out
 
@@ -48,21 +48,43 @@ def copy(finished: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(finished, tmp_path / "out"))
 
 
+DOCUMENTS = {
+    "asset": "asset/asset.json",
+    "audit": "ingest/audit.json",
+    "calibration": "calibrate/calibration.json",
+    "frames": "render/frames.json",
+    "geometry": "geometry/geometry.json",
+    "layers": "layers/layers.json",
+    "metrics": "report/metrics.json",
+    "plan": "plan/plan.json",
+    "residuals": "residuals/residuals.json",
+    "run": "run.json",
+    "views": "ingest/views.json",
+}
+
+
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_files_are_what_their_schemas_say(finished: Path, name: str) -> None:
-    model, place = DOCUMENTS[name]
-    model.model_validate_json((finished / place).read_bytes())
+    models()[name].model_validate_json((finished / DOCUMENTS[name]).read_bytes())
+
+
+def test_every_artifact_lies_where_its_stage_says(finished: Path) -> None:
+    artifacts = [(stage.path_of(made), made) for stage in load_stages() for made in stage.outputs.artifacts()]
+    assert {path for path, made in artifacts if made.document} == set(DOCUMENTS.values()) - {"run.json"}
+    lacking = {path for path, _ in artifacts if not (finished / path).exists()}
+    assert lacking == {"calibrate/sparse/0", "geometry/dense", "plan/frusta.yaml"}
+    assert lacking <= {path for path, made in artifacts if made.optional}
 
 
 def test_metrics_hold_every_stage_and_baseline(finished: Path) -> None:
     metrics = read_metrics(finished / "report/metrics.json")
     assert set(metrics.baselines) == {"diffuse", "ulr", "mesh"}
-    assert set(metrics.seconds) == set(STAGES)
+    assert set(metrics.seconds) == set(registered())
     assert all(seconds > 0 for seconds in metrics.seconds.values())
 
 
 def test_nothing_is_left_beside_the_results(finished: Path) -> None:
-    places = {load_stage(name).place for name in STAGES} | {"run.json", ".hashes.json"}
+    places = {stage.folder for stage in load_stages()} | {"run.json", ".hashes.json"}
     assert {path.name for path in finished.iterdir()} == places
 
 

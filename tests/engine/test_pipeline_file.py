@@ -17,10 +17,10 @@ from setuptools import find_packages
 import ibrpipe
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.pipeline_file import find_pipeline, load_pipeline, packaged_pipelines
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.stage import Stage, StageOutputs
 from ibrpipe.engine.yaml_settings import Settings, parse
 from ibrpipe.errors import ConfigError, MissingFileError, closest
-from ibrpipe.stages.registry import STAGES, load_stages
+from ibrpipe.stages.registry import load_stages, registered
 
 ROOT = Path(ibrpipe.__file__).parent.parent
 
@@ -46,8 +46,8 @@ class Inputs:
 
 
 FAKES = (
-    Stage("layers", "Layers.", Inputs, LayersConfig, print, (), ""),
-    Stage("render", "Render.", Inputs, RenderConfig, print, (), ""),
+    Stage("layers", "Layers.", Inputs, StageOutputs, LayersConfig, print, ""),
+    Stage("render", "Render.", Inputs, StageOutputs, RenderConfig, print, ""),
 )
 
 
@@ -145,7 +145,7 @@ def test_pipelines_are_found_by_name_and_by_file_name(tmp_path: Path, monkeypatc
 def test_pipelines_that_come_with_ibrpipe_load(name: str) -> None:
     pipeline = load_pipeline(packaged_pipelines()[name], load_stages())
     assert pipeline.name == name
-    assert list(pipeline.configs) == list(STAGES)
+    assert list(pipeline.configs) == list(registered())
 
 
 def test_every_setting_is_described() -> None:

@@ -18,7 +18,7 @@ from ibrpipe.config import StageConfig
 from ibrpipe.engine.pipeline_file import Pipeline
 from ibrpipe.engine.run_folder import only_run, whole_folder
 from ibrpipe.engine.runner import Event, Run, run_pipeline
-from ibrpipe.engine.stage import Stage
+from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import CaptureError, ConfigError, MissingFileError, ResourceError
 from ibrpipe.io.manifest import Hasher, read_manifest
 
@@ -55,6 +55,16 @@ class CountInputs:
     mesh: Path | None = None
 
 
+@dataclass(frozen=True)
+class ReadOutputs(StageOutputs):
+    views: Path = artifact("views.json", "Words.")
+
+
+@dataclass(frozen=True)
+class ShoutOutputs(StageOutputs):
+    plan: Path = artifact("plan.json", "Words, louder.")
+
+
 CALLS: list[str] = []
 
 
@@ -82,9 +92,11 @@ def count(inputs: CountInputs, config: CountConfig) -> None:
 
 
 STAGES = (
-    Stage("ingest", "Read.", ReadInputs, ReadConfig, read, ("capture",), "ibrpipe ingest capture --out out"),
-    Stage("plan", "Shout.", ShoutInputs, ShoutConfig, shout, ("ingest",), "ibrpipe plan --out out"),
-    Stage("layers", "Count.", CountInputs, CountConfig, count, ("plan",), "ibrpipe layers --out out", folder="counts"),
+    Stage("ingest", "Read.", ReadInputs, ReadOutputs, ReadConfig, read, "ibrpipe ingest capture --out out"),
+    Stage("plan", "Shout.", ShoutInputs, ShoutOutputs, ShoutConfig, shout, "ibrpipe plan --out out"),
+    Stage(
+        "layers", "Count.", CountInputs, StageOutputs, CountConfig, count, "ibrpipe layers --out out", folder="counts"
+    ),
 )
 
 

@@ -25,18 +25,19 @@ MESH = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]],
 
 
 def test_the_truth_is_named_withheld_or_kept_aside(tmp_path: Path) -> None:
-    mesh, given, aside = tmp_path / "mesh.ply", tmp_path / "given.ply", tmp_path / "capture/truth/mesh.ply"
+    given, aside = tmp_path / "given.ply", tmp_path / "capture/truth/mesh.ply"
     aside.parent.mkdir(parents=True)
-    assert find_truth(None, given, mesh) is None
     document = tmp_path / "geometry.json"
+    assert find_truth(None, given, document) is None
+    assert find_truth(None, given, None) is None
     document.write_text(json.dumps({"decision": "given"}))
     aside.touch()
-    assert find_truth(None, given, mesh, tmp_path / "capture") is None
+    assert find_truth(None, given, document, tmp_path / "capture") is None
     document.write_text(json.dumps({"decision": "photos"}))
-    assert find_truth(None, given, mesh, tmp_path / "capture") == given
-    assert find_truth(None, None, mesh, tmp_path / "capture") == aside
-    assert find_truth(None, None, mesh, tmp_path) is None
-    assert find_truth(Path("other.ply"), given, mesh, tmp_path / "capture") == Path("other.ply")
+    assert find_truth(None, given, document, tmp_path / "capture") == given
+    assert find_truth(None, None, document, tmp_path / "capture") == aside
+    assert find_truth(None, None, document, tmp_path) is None
+    assert find_truth(Path("other.ply"), given, document, tmp_path / "capture") == Path("other.ply")
 
 
 @pytest.fixture
@@ -101,7 +102,7 @@ def test_without_true_cameras_a_world_of_its_own_is_not_measured(capture) -> Non
     for known, world in ((True, {"decision": "given"}), (True, {"decision": "found", "world": "positions"}),
                          (False, {"decision": "found", "world": "own"})):  # fmt: skip
         document.write_text(json.dumps(world))
-        placed = placed_truth(folder / "truth/mesh.ply", views, folder, folder / "run")
+        placed = placed_truth(folder / "truth/mesh.ply", views, folder, folder / "run/calibrate")
         assert (placed.mesh is not None) == known
     assert "no true cameras lie beside it" in placed.told
 
@@ -112,7 +113,8 @@ def test_a_bad_truth_costs_the_report_only_where_it_was_named(capture) -> None:
     write_mesh(MESH, folder / "geometry/mesh.ply")
     (folder / "geometry/geometry.json").write_text(json.dumps({"decision": "photos"}))
     (folder / "truth/mesh.ply").write_text("no mesh")
-    given = evaluate.Inputs(folder, folder, folder / "geometry/mesh.ply", folder, folder)
+    made = folder / "geometry"
+    given = evaluate.Inputs(folder, folder, made / "mesh.ply", folder, folder, geometry=made / "geometry.json")
     known = ViewSet(tuple(views), info={"capture": str(folder)})
     truth, scores = evaluate._measured(given, evaluate.EvaluateConfig(), MESH, known)
     assert truth is not None

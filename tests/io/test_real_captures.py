@@ -112,12 +112,12 @@ def test_exposure_table_makes_photos_agree():
 
 def test_ingest_of_a_real_capture(tmp_path):
     outputs = run(Inputs(real("captures/shiny_vase"), tmp_path), IngestConfig())
-    text = outputs.summary.read_text(encoding="utf-8")
+    text = outputs.audit_text.read_text(encoding="utf-8")
     assert "64 photos, 8 held out" in text
     assert "0 errors, 1 warnings" in text  # the vase's inside and foot
 
 
 def test_a_capture_without_mesh_is_audited(tmp_path):
     outputs = run(Inputs(real("fountain-P11"), tmp_path), IngestConfig())
-    assert outputs.mesh is None
-    assert "0 errors" in outputs.summary.read_text(encoding="utf-8")
+    assert outputs.given is None
+    assert "0 errors" in outputs.audit_text.read_text(encoding="utf-8")

@@ -10,12 +10,14 @@ import pytest
 
 import ibrpipe
 from ibrpipe.core.color import srgb_encode
+from ibrpipe.engine.artifacts import needs
 from ibrpipe.io.layers import read_layers
 from ibrpipe.modelling.layers import LayersConfig, build_layers, first_of_each, quantize, round_to_display
 from ibrpipe.modelling.plan_file import TexturePlan, write_plan
 from ibrpipe.modelling.rectangles import RectangleConfig, box_faces, distinct, sized
 from ibrpipe.stages import plan as plan_stage
 from ibrpipe.stages.layers import Inputs, run
+from ibrpipe.stages.registry import load_stages
 from ibrpipe.types import SpiralTexture
 
 EXACT = LayersConfig(depth_bits=32, color_bits=16)
@@ -161,7 +163,7 @@ def test_a_users_perspective_rectangle_from_plan_to_picture(measured, tmp_path):
     write_plan([TexturePlan(rectangle, 70.0, 4, False, 1 / 16, 0.6)], [], tmp_path / "plan.json")
     views = ball.folder
     done = run(Inputs(views / "views.json", views / "mesh.ply", tmp_path / "plan.json", tmp_path), LayersConfig())
-    layers = read_layers(done.textures[0] / "layers.exr")
+    layers = read_layers(done.layers / "texture_00" / "layers.exr")
     assert isinstance(layers.frame, ibrpipe.Camera)
     assert layers.shape == (32, 32)
     camera = ibrpipe.Camera.look_at((0.3, -4, 0.2), (0, 0, 0), fov_y_deg=20, width=24, height=20)
@@ -182,9 +184,10 @@ def test_run_writes_layers_and_their_figures_the_same_every_time(measured, tmp_p
     inputs = Inputs(glossy.folder / "views.json", glossy.folder / "mesh.ply", tmp_path / "plan.json", tmp_path / "a")
     inputs.out.mkdir()
     done = run(inputs, LayersConfig())
-    figures = json.loads(done.summary.read_text(encoding="utf-8"))["textures"]
+    figures = json.loads(done.layers_document.read_text(encoding="utf-8"))["textures"]
     assert [f["name"] for f in figures] == ["+x", "-x"]
-    for figure, folder in zip(figures, done.textures):
+    textures = ["texture_00", "texture_01"]
+    for figure, folder in zip(figures, [done.layers / name for name in textures], strict=True):
         layers = read_layers(folder / "layers.exr")
         assert figure["samples"] == len(layers.depth)
         assert figure["bytes"] == (folder / "layers.exr").stat().st_size
@@ -192,8 +195,9 @@ def test_run_writes_layers_and_their_figures_the_same_every_time(measured, tmp_p
         assert figure["covered_texels"] == pytest.approx((np.diff(layers.offsets, axis=1) > 0).mean())
     (tmp_path / "b").mkdir()
     again = run(replace(inputs, out=tmp_path / "b"), LayersConfig())
-    for one, other in zip(done.textures, again.textures):
-        assert (one / "layers.exr").read_bytes() == (other / "layers.exr").read_bytes()
+    for name in textures:
+        one, other = (each.layers / name / "layers.exr" for each in (done, again))
+        assert one.read_bytes() == other.read_bytes()
 
 
 def test_a_rectangle_that_faces_nothing_is_an_empty_image(measured):
@@ -237,5 +241,5 @@ def test_display_codes_below_one_and_light_above():
 def test_the_stage_is_wired():
     from ibrpipe.stages.layers import STAGE
 
-    assert (STAGE.name, STAGE.needs) == ("layers", ("ingest", "geometry", "plan"))
+    assert (STAGE.name, needs(STAGE, load_stages())) == ("layers", ("ingest", "geometry", "plan"))
     assert plan_stage.STAGE.name == "plan"

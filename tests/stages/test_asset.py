@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import ibrpipe
+from ibrpipe.engine.artifacts import needs
 from ibrpipe.errors import IbrError
 from ibrpipe.io.assets import read_asset, read_index
 from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.stages import asset, layers, plan, residuals
+from ibrpipe.stages.registry import load_stages
 
 
 @pytest.fixture(scope="module")
@@ -84,4 +86,4 @@ def test_a_missing_part_is_named(made, tmp_path, name):
 
 def test_the_stage_is_wired():
     assert asset.STAGE.name == "asset"
-    assert asset.STAGE.needs == ("ingest", "plan", "layers", "residuals")
+    assert needs(asset.STAGE, load_stages()) == ("ingest", "plan", "layers", "residuals")

@@ -33,7 +33,7 @@ def calibrated(capture: Path, out: Path, **settings: object) -> dict:
     """Run the stage; return calibration.json, checked."""
     out.mkdir(parents=True, exist_ok=True)
     outputs = run(Inputs(capture, 0, out), CalibrateConfig(**settings))
-    document = json.loads(outputs.calibration.read_text(encoding="utf-8"))
+    document = json.loads(outputs.calibration_document.read_text(encoding="utf-8"))
     Calibration.model_validate(document)
     return document
 
@@ -97,7 +97,7 @@ def test_ingest_takes_cameras_and_points_and_leaves_a_foreign_mesh(photos: Path,
     points = read_points(tmp_path / "ingest/points.npz")
     assert len(points.xyz) > 100
     assert points.views.max() == 4
-    assert done.mesh is None
+    assert done.given is None
     assert any("mesh.ply is left out" in note for note in views.info["notes"])
 
 

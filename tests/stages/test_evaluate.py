@@ -68,6 +68,7 @@ def inputs_of(folder, **changes):
         "frames": folder / "render",
         "out": folder / "report",
         "run": folder,
+        "plan": folder / "plan/plan.json",
     }
     return evaluate.Inputs(**{**places, **changes})
 
@@ -195,7 +196,7 @@ def test_frames_that_the_render_stage_did_not_make_are_rendered(made, metrics, t
     del document["frames"][1]
     (frames / "frames.json").write_text(json.dumps(document))
     (tmp_path / "out").mkdir()
-    evaluate.run(inputs_of(made, frames=frames, out=tmp_path / "out", run=None), QUICK)
+    evaluate.run(inputs_of(made, frames=frames, out=tmp_path / "out", run=None, plan=None), QUICK)
     again = read_metrics(tmp_path / "out/metrics.json")
     assert again.views == metrics.views
     page = (tmp_path / "out/report.html").read_text(encoding="utf-8")

@@ -21,6 +21,7 @@ from ibrpipe.io.surfaces.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import read_views, write_views
 from ibrpipe.reconstruction.depth.given import given_maps, lacking
 from ibrpipe.stages.geometry import STAGE, GeometryConfig, Inputs, run
+from ibrpipe.stages.registry import load_stages
 
 
 @pytest.fixture
@@ -117,10 +118,10 @@ def test_outlines_alone_need_no_depth(ingested: Path) -> None:
 
 
 def test_the_mesh_of_the_capture_is_wired_where_there_is_one(ingested: Path) -> None:
-    wired = wire(STAGE, ingested, None, 3)
+    wired = wire(STAGE, load_stages(), ingested, None, 3)
     assert wired == {"views": ingested / "ingest/views.json", "seed": 3, "given": ingested / "ingest/mesh.ply"}
     (ingested / "ingest/mesh.ply").unlink()
-    assert set(wire(STAGE, ingested, None, 3)) == {"views", "seed"}
+    assert set(wire(STAGE, load_stages(), ingested, None, 3)) == {"views", "seed"}
 
 
 def test_half_done_work_is_kept_by_its_key(tmp_path: Path) -> None:

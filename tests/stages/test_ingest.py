@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from ibrpipe.capture import audit
+from ibrpipe.engine.artifacts import needs
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.captures import read_capture
 from ibrpipe.io.photos.images import read_image, write_png
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import load_view, read_views
 from ibrpipe.stages.ingest import STAGE, IngestConfig, Inputs, run
+from ibrpipe.stages.registry import load_stages
 
 
 @pytest.fixture
@@ -35,15 +37,15 @@ def test_everything_is_written(capture, tmp_path):
     outputs = ingest(capture, tmp_path)
     views = read_views(outputs.views)
     assert (len(views.train), len(views.test)) == (14, 3)
-    assert views.mesh == outputs.mesh
-    assert (read_mesh(outputs.mesh).vertices == read_mesh(capture / "mesh.ply").vertices).all()
+    assert views.mesh == outputs.given
+    assert (read_mesh(outputs.given).vertices == read_mesh(capture / "mesh.ply").vertices).all()
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "audit.json",
         "audit.txt",
         "mesh.ply",
         "views.json",
     ]
-    assert "14 photos, 3 held out" in outputs.summary.read_text(encoding="utf-8")
+    assert "14 photos, 3 held out" in outputs.audit_text.read_text(encoding="utf-8")
 
 
 def test_same_capture_same_bytes(capture, tmp_path):
@@ -57,7 +59,7 @@ def test_without_a_mesh_the_photos_are_audited_all_the_same(capture, tmp_path):
     (capture / "transforms.json").unlink()
     write_png(capture / "images/002.png", read_image(capture / "images/002.png") * 1e-4)
     outputs = ingest(capture, tmp_path)
-    assert outputs.mesh is None
+    assert outputs.given is None
     assert read_views(outputs.views).mesh is None
     document = json.loads(outputs.audit.read_text(encoding="utf-8"))
     assert document["surface"] is None
@@ -218,8 +220,8 @@ def test_a_distorted_capture_agrees_with_its_mesh(capture, tmp_path):
 
 
 def test_the_stage_is_what_the_runner_expects():
-    assert STAGE.name == STAGE.place == "ingest"
-    assert STAGE.needs == ("capture", "calibrate")
+    assert STAGE.name == STAGE.folder == "ingest"
+    assert needs(STAGE, load_stages()) == ("capture", "calibrate")
     assert set(Inputs.__dataclass_fields__) == {"capture", "calibration", "out"}
     assert all(field.description for field in IngestConfig.model_fields.values())
 

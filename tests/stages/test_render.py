@@ -47,7 +47,7 @@ def inputs(tmp_path: Path) -> Inputs:
 
 def frames_of(inputs: Inputs, **settings: object) -> dict:
     outputs = run(inputs, RenderConfig(**settings))
-    return json.loads(outputs.frames.read_text(encoding="utf-8"))
+    return json.loads(outputs.frames_document.read_text(encoding="utf-8"))
 
 
 def test_a_frame_holds_the_walls_depth_and_colour(inputs: Inputs) -> None:
@@ -186,5 +186,5 @@ def test_words_numbers_and_nothing() -> None:
 
 
 def test_the_stage_is_wired() -> None:
-    assert STAGE.name == STAGE.place == "render"
+    assert STAGE.name == STAGE.folder == "render"
     assert STAGE.config is RenderConfig

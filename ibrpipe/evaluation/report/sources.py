@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ibrpipe.io.manifest import read_manifest
 from ibrpipe.io.views import ViewSet
 
 
@@ -42,23 +43,22 @@ class ReportSources:
     geometry: dict[str, Any] | None = None
 
 
-def read_sources(views: ViewSet, run: Path | None, mesh: Path | None = None) -> ReportSources:
-    """Gather what is known; a run folder without plan or audit leaves these out."""
+def read_sources(views: ViewSet, plan: Path | None, audit: Path | None, geometry: Path | None) -> ReportSources:
+    """Gather what is known from the documents of earlier stages; None leaves one out."""
     capture = str(views.info.get("capture", ""))
-    plan = _read(run, "plan/plan.json")
-    audit = _read(run, "ingest/audit.json")
-    geometry = _read(None if mesh is None else mesh.parent, "geometry.json")
-    cost = _read(None if mesh is None else mesh.parent, "manifest.json").get("peak_memory_bytes")
+    planned, audited, made = _read(plan), _read(audit), _read(geometry)
+    manifest = None if geometry is None else read_manifest(geometry.parent)
+    cost = None if manifest is None else manifest.peak_memory_bytes
     first = (views.train + views.test)[0].camera
     return ReportSources(
         name=Path(capture).name or "capture",
         train=len(views.train),
         test=len(views.test),
         size=(first.width, first.height),
-        reasons=tuple(plan.get("reasons", ())),
-        findings=tuple(_below(capture, finding) for finding in audit.get("findings", ())),
-        surface=audit.get("surface") or geometry.get("coverage") or None,
-        geometry=None if geometry.get("decision", "given") == "given" else {**geometry, "peak_memory_bytes": cost},
+        reasons=tuple(planned.get("reasons", ())),
+        findings=tuple(_below(capture, finding) for finding in audited.get("findings", ())),
+        surface=audited.get("surface") or made.get("coverage") or None,
+        geometry=None if made.get("decision", "given") == "given" else {**made, "peak_memory_bytes": cost},
     )
 
 
@@ -69,8 +69,8 @@ def _below(capture: str, finding: dict[str, Any]) -> dict[str, Any]:
     return {key: str(value).replace(f"{capture}/", "").replace(f"{capture}\\", "") for key, value in finding.items()}
 
 
-def _read(run: Path | None, place: str) -> dict[str, Any]:
-    if run is None or not (run / place).is_file():
+def _read(path: Path | None) -> dict[str, Any]:
+    if path is None or not path.is_file():
         return {}
-    content = json.loads((run / place).read_text(encoding="utf-8"))
+    content = json.loads(path.read_text(encoding="utf-8"))
     return content if isinstance(content, dict) else {}

@@ -204,5 +204,5 @@ def test_calibrate_leaves_these_cameras_alone(capture: Path, tmp_path: Path) -> 
     from ibrpipe.stages.calibrate import CalibrateConfig, Inputs, run
 
     metashape(capture, bare(capture))
-    found = run(Inputs(capture, 0, tmp_path / "out"), CalibrateConfig()).calibration
+    found = run(Inputs(capture, 0, tmp_path / "out"), CalibrateConfig()).calibration_document
     assert json.loads(found.read_text())["decision"] == "given"
