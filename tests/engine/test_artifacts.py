@@ -157,9 +157,7 @@ def test_two_replacing_stages_follow_each_other(tmp_path: Path, capture: Path) -
 def test_what_is_missing_is_told(tmp_path: Path) -> None:
     with pytest.raises(MissingFileError, match=r"print needs .*edit.better.story\.txt.*run the earlier stages first"):
         wire(PRINT, LONG, tmp_path, None, 0)
-    with pytest.raises(
-        ConfigError, match='print has an input "story" that nothing provides; known: capture, run, seed'
-    ):
+    with pytest.raises(ConfigError, match='print has an input "story" that nothing provides; known: capture, run'):
         wire(PRINT, (PRINT, WRITE), tmp_path, None, 0)
 
 
@@ -178,10 +176,8 @@ def test_a_stage_that_looks_at_the_run_comes_last() -> None:
         out: Path
 
     last = Stage("last", "Look.", Inputs, StageOutputs, Settings, write, "ibrpipe last")
-    assert (
-        in_order((WRITE, last, EDIT, PRINT)) == (WRITE, EDIT, PRINT, last) or in_order((WRITE, last, EDIT))[0] is WRITE
-    )
-    assert in_order((WRITE, EDIT, PRINT, last))[-1] is last
+    assert in_order((WRITE, last, EDIT, PRINT)) == (WRITE, EDIT, PRINT, last)
+    assert in_order((WRITE, EDIT, PRINT, last)) == (WRITE, EDIT, PRINT, last)
 
 
 def test_an_impossible_order_is_told() -> None:
