@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.calibration.alignment import Aligned
+from ibrpipe.calibration.document import Calibration
 from ibrpipe.calibration.features import Features
 from ibrpipe.calibration.job import Job
 from ibrpipe.calibration.lenses import Start, angle_of_view
@@ -203,16 +204,16 @@ def _listed(names: Sequence[str], most: int = 5) -> str:
     return shown if len(names) <= most else f"{shown} and {len(names) - most} more"
 
 
-def summary(document: dict[str, Any]) -> str:
+def summary(document: Calibration) -> str:
     """Say in few lines what a calibration has come to."""
-    error = document["reprojection_error_px"]
-    lens = document["lenses"][0]
+    error, lens, found = document.reprojection_error_px, document.lenses[0], document.alignment or {}
+    exact = "" if error is None else f"; error {error.mean:.2f} px"
     lines = [
-        f"{document['registered']} of {document['photos_given']} photos calibrated; {document['points']} points, each "
-        f"in {document['mean_track_length']:.1f} photos; error {error['mean']:.2f} px",
-        f"{len(document['lenses'])} lens{'es' if len(document['lenses']) > 1 else ''}: {lens['model']}, "
-        f"{lens['angle_of_view_deg']:.1f} degrees wide, started from: {lens['start']}",
-        f"world: {document['alignment']['how']}; units: {document['units']}",
+        f"{document.registered} of {document.photos_given} photos calibrated; {document.points} points, each "
+        f"in {document.mean_track_length or 0.0:.1f} photos{exact}",
+        f"{len(document.lenses)} lens{'es' if len(document.lenses) > 1 else ''}: {lens.model}, "
+        f"{lens.angle_of_view_deg:.1f} degrees wide, started from: {lens.start}",
+        f"world: {found.get('how')}; units: {document.units}",
     ]
-    told = [f"{each['severity']}: {each['file']}: {each['text']}; {each['remedy']}" for each in document["findings"]]
+    told = [f"{each.severity}: {each.file}: {each.text}; {each.remedy}" for each in document.findings]
     return "\n".join([*lines, *told]) + "\n"

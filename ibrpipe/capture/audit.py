@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrpipe.capture import audit_document
 from ibrpipe.capture.coverage import SurfacePoints, agreement, seen_points, spread_points
 from ibrpipe.capture.findings import Finding, Limits
 from ibrpipe.capture.photo_quality import PhotoFigures, damaged, empty_mask, measure_photo, photo_findings
@@ -107,12 +107,12 @@ def summary(audit: Audit, capture: Capture) -> str:
 
 def write_audit(audit: Audit, capture: Capture, data: Path, text: Path) -> None:
     """Write the audit as JSON to `data`, and as words to `text`."""
-    document = {
-        "findings": [asdict(finding) for finding in audit.findings],
-        "photos": [rounded(asdict(photo)) for photo in audit.photos],
-        "surface": None if audit.surface is None else rounded(audit.surface),
-    }
-    data.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    document = audit_document.Audit(
+        findings=[audit_document.Finding(**asdict(finding)) for finding in audit.findings],
+        photos=[audit_document.AuditedPhoto(**rounded(asdict(photo))) for photo in audit.photos],
+        surface=None if audit.surface is None else audit_document.AuditedSurface(**rounded(audit.surface)),
+    )
+    data.write_text(document.to_json() + "\n", encoding="utf-8")
     text.write_text(summary(audit, capture), encoding="utf-8")
 
 

@@ -118,7 +118,7 @@ def mesh_map(mesh: Path, moved: Path | None, path: str, repeats: int, out: Path,
     cameras = orbit(parse_orbit(path), bounds) if is_orbit(path) else read_path(Path(path))
     entries = render_path(sources, cameras, out, {"light": light, **look}, repeats, moves)
     if as_json:
-        click.echo(json.dumps([{key: each[key] for key in ("view", "ms", "width", "height")} for each in entries]))
+        click.echo(json.dumps([each.model_dump(include={"view", "ms", "width", "height"}) for each in entries]))
         return
     thick = ", ".join(f"{source.thickness:.6g}" for source in sources)
     click.echo(f"{out}: {len(entries)} frame{'s' if len(entries) > 1 else ''}, thickness {thick}")

@@ -20,15 +20,15 @@ def models() -> dict[str, type[BaseModel]]:
     from ibrpipe.bench.hard_cases.file import HardCasesFile
     from ibrpipe.bench.sizes.results import GrowthModel, Table2Model
     from ibrpipe.bench.speed_error.results import SpeedErrorModel
-    from ibrpipe.engine.documents import Run
     from ibrpipe.engine.pipeline_file import pipeline_model
+    from ibrpipe.engine.run_document import RunDocument
     from ibrpipe.io.manifest import Manifest
     from ibrpipe.stages.registry import load_stages
 
     stages = load_stages()
     made = [each for stage in stages for each in stage.outputs.artifacts()]
     found: dict[str, type[BaseModel]] = {Path(each.path).stem: each.document for each in made if each.document}
-    found |= {"hard_cases": HardCasesFile, "manifest": Manifest, "run": Run}
+    found |= {"hard_cases": HardCasesFile, "manifest": Manifest, "run": RunDocument}
     found |= {"pipeline": pipeline_model(stages), "speed_error": SpeedErrorModel}
     found |= {"growth": GrowthModel, "table2": Table2Model}
     return dict(sorted(found.items()))

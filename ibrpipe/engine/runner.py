@@ -12,6 +12,7 @@ from ibrpipe.config import StageConfig
 from ibrpipe.engine.artifacts import files_named, hashes, needs, wire
 from ibrpipe.engine.pipeline_file import Pipeline
 from ibrpipe.engine.provenance import code_digest, measured, versions
+from ibrpipe.engine.run_document import RunDocument
 from ibrpipe.engine.run_folder import files_with_sizes, only_run, whole_folder
 from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import ConfigError, ResourceError, closest
@@ -23,8 +24,8 @@ from ibrpipe.io.manifest import (
     difference,
     digest,
     read_manifest,
-    write_json,
     write_manifest,
+    write_text,
 )
 
 
@@ -218,21 +219,19 @@ def upstream_keys(stage: Stage, stages: Sequence[Stage], out: Path) -> dict[str,
 
 def _record(run: Run, capture: Path | None) -> None:
     settings = {name: config.model_dump(mode="json") for name, config in run.pipeline.configs.items()}
-    record = {
-        "pipeline": run.pipeline.name,
-        "seed": run.pipeline.seed,
-        "capture": None if capture is None else str(capture.resolve()),
-        "settings": settings,
-    }
-    write_json(run.out / RUN_NAME, record)
+    record = RunDocument(
+        pipeline=run.pipeline.name,
+        seed=run.pipeline.seed,
+        capture=None if capture is None else str(capture.resolve()),
+        settings=settings,
+    )
+    write_text(run.out / RUN_NAME, record.to_json(2) + "\n")
 
 
 def recorded_capture(out: Path) -> Path | None:
     """Return the capture folder of the run that `out` holds, if any."""
-    import json
-
     try:
-        name = json.loads((out / RUN_NAME).read_text(encoding="utf-8")).get("capture")
-    except (OSError, ValueError, AttributeError):
+        known = RunDocument.model_validate_json((out / RUN_NAME).read_bytes())
+    except (OSError, ValueError):
         return None
-    return Path(name) if isinstance(name, str) else None
+    return None if known.capture is None else Path(known.capture)

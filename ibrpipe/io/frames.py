@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ibrpipe.errors import FormatError, MissingFileError
+from ibrpipe.errors import FormatError
+from ibrpipe.io import frame_documents
+from ibrpipe.io.frame_documents import RenderedFrame
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.photos.images import read_depth, read_image, write_exr, write_png
 from ibrpipe.io.views import View
@@ -32,19 +32,19 @@ class Frames:
 
     folder: Path
     renderers: tuple[str, ...]
-    entries: dict[tuple[str, str], dict[str, Any]]
+    entries: dict[tuple[str, str], RenderedFrame]
 
     def load(self, renderer: str, view: View) -> Frame | None:
         """Return the frame that was rendered for exactly this view; None where there is none."""
         entry = self.entries.get((renderer, view.name))
         if entry is None or not _same_camera(entry, view.camera):
             return None
-        path = self.folder / entry["file"]
+        path = self.folder / entry.file
         pixels = read_image(path)
         if pixels.shape[2] < 3:
             raise FormatError(f"{path}: holds no colour; let the render stage output color, depth and alpha")
         alpha = np.ascontiguousarray(pixels[:, :, 3]) if pixels.shape[2] > 3 else None
-        return Frame(np.ascontiguousarray(pixels[:, :, :3]), _depth(path), alpha, entry.get("stats", {}))
+        return Frame(np.ascontiguousarray(pixels[:, :, :3]), _depth(path), alpha, entry.stats)
 
 
 def read_frames(folder: Path) -> Frames:
@@ -56,21 +56,15 @@ def read_frames(folder: Path) -> Frames:
         It does not exist or is not what the render stage writes.
     """
     path = folder / "frames.json"
-    if not path.is_file():
-        raise MissingFileError(f"{path}: does not exist; run the render stage first")
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        entries = {(entry["renderer"], entry["view"]): entry for entry in document["frames"]}
-        return Frames(folder, tuple(document["renderers"]), entries)
-    except (ValueError, KeyError, TypeError) as error:
-        raise FormatError(f"{path}: is no list of frames ({error!r}); run the render stage again") from error
+    document = frame_documents.Frames.read(path, "is no list of frames", "render")
+    entries = {(entry.renderer, entry.view): entry for entry in document.frames}
+    return Frames(folder, tuple(document.renderers), entries)
 
 
-def _same_camera(entry: dict[str, Any], camera: Camera) -> bool:
-    size = entry.get("width"), entry.get("height")
-    if size != (camera.width, camera.height):
+def _same_camera(entry: RenderedFrame, camera: Camera) -> bool:
+    if (entry.width, entry.height) != (camera.width, camera.height):
         return False
-    return np.allclose(entry["K"], camera.K) and np.allclose(entry["cam_from_world"], camera.cam_from_world)
+    return np.allclose(entry.K, camera.K) and np.allclose(entry.cam_from_world, camera.cam_from_world)
 
 
 def _depth(path: Path) -> Array | None:
@@ -80,19 +74,24 @@ def _depth(path: Path) -> Array | None:
 
 def frame_entry(
     name: str, renderer: str, camera: Camera, frame: Frame, files: Mapping[str, str], milliseconds: float
-) -> dict[str, Any]:
+) -> RenderedFrame:
     """Return a frame's entry of ``frames.json``."""
-    return {
-        "view": name,
-        "renderer": renderer,
+    return RenderedFrame(
+        view=name,
+        renderer=renderer,
         **files,
-        "ms": round(milliseconds, 4),
-        "width": camera.width,
-        "height": camera.height,
-        "K": camera.K.tolist(),
-        "cam_from_world": camera.cam_from_world.tolist(),
-        "stats": dict(frame.stats),
-    }
+        ms=round(milliseconds, 4),
+        width=camera.width,
+        height=camera.height,
+        K=camera.K.tolist(),
+        cam_from_world=camera.cam_from_world.tolist(),
+        stats=dict(frame.stats),
+    )
+
+
+def write_frames(path: Path, document: frame_documents.Frames) -> None:
+    """Write ``frames.json``."""
+    path.write_text(document.to_json() + "\n", encoding="utf-8")
 
 
 def write_frame(frame: Frame, stem: Path) -> dict[str, str]:

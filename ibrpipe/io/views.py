@@ -6,7 +6,6 @@ light, undistorted, exposure compensated, at the size that ``view.camera`` state
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,13 +13,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ibrpipe.errors import CaptureError, FormatError, MissingFileError
+from ibrpipe.errors import CaptureError, FormatError
+from ibrpipe.io import view_documents as documents
 from ibrpipe.io.cameras.lenses import Lens, photo_positions
 from ibrpipe.io.photos.images import read_coverage, read_depth, read_image
 from ibrpipe.io.photos.threshold_masks import threshold_mask
 from ibrpipe.types import Array, Camera
 
-SCHEMA = 1
 MaskRule = Literal["coverage", "nonzero"]
 
 
@@ -165,15 +164,15 @@ def load_depth(view: View) -> Array:
 def write_views(views: ViewSet, path: Path) -> None:
     """Write ``views.json``; a mesh beside it is stored by a relative path, photos below their common folder."""
     root = Path(views.info["capture"]) if "capture" in views.info else None
-    document = {
-        "schema": SCHEMA,
-        "root": str(root) if root else "",
-        "mesh": None if views.mesh is None else _relative(views.mesh, path.parent),
-        "info": dict(views.info),
-        "train": [_view_to_json(view, root) for view in views.train],
-        "test": [_view_to_json(view, root) for view in views.test],
-    }
-    path.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    document = documents.Views(
+        schema=1,
+        root=str(root) if root else "",
+        mesh=None if views.mesh is None else _relative(views.mesh, path.parent),
+        info=dict(views.info),
+        train=[_document_of(view, root) for view in views.train],
+        test=[_document_of(view, root) for view in views.test],
+    )
+    path.write_text(document.to_json() + "\n", encoding="utf-8")
 
 
 def read_views(path: Path) -> ViewSet:
@@ -184,19 +183,12 @@ def read_views(path: Path) -> ViewSet:
     MissingFileError, FormatError
         The file does not exist or is not what `write_views` writes.
     """
-    if not path.is_file():
-        raise MissingFileError(f"{path}: does not exist; run the ingest stage first")
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        if document["schema"] != SCHEMA:
-            raise FormatError(f"{path}: schema is {document['schema']}, expected {SCHEMA}; run ingest again")
-        root = Path(document["root"]) if document["root"] else path.parent
-        mesh = None if document["mesh"] is None else path.parent / document["mesh"]
-        train = tuple(_view_from_json(entry, root) for entry in document["train"])
-        test = tuple(_view_from_json(entry, root) for entry in document["test"])
-        return ViewSet(train, test, mesh, document["info"])
-    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
-        raise FormatError(f"{path}: not a views file ({error!r}); run the ingest stage again") from error
+    document = documents.Views.read(path, "not a views file", "ingest")
+    root = Path(document.root) if document.root else path.parent
+    mesh = None if document.mesh is None else path.parent / document.mesh
+    train = tuple(_view_of(entry, root) for entry in document.train)
+    test = tuple(_view_of(entry, root) for entry in document.test)
+    return ViewSet(train, test, mesh, document.info)
 
 
 def _coverage(view: View, pixels: Array) -> Array:
@@ -255,44 +247,44 @@ def _relative(path: Path, folder: Path | None) -> str:
     return str(path)
 
 
-def _view_to_json(view: View, root: Path | None) -> dict[str, Any]:
+def _document_of(view: View, root: Path | None) -> documents.View:
     lens = view.distortion
-    return {
-        "name": view.name,
-        "image": _relative(view.image, root),
-        "mask": None if view.mask is None else _relative(view.mask, root),
-        "mask_from_alpha": view.mask_from_alpha,
-        "mask_rule": view.mask_rule,
-        "mask_threshold": view.mask_threshold,
-        "gain": view.gain,
-        "color_space": view.color_space,
-        "oriented": view.oriented,
-        "full_size": view.full_size,
-        "depth": None if view.depth is None else _relative(view.depth, root),
-        "held_out": view.held_out,
-        "width": view.camera.width,
-        "height": view.camera.height,
-        "K": view.camera.K.tolist(),
-        "cam_from_world": view.camera.cam_from_world.tolist(),
-        "distortion": None if lens is None else [lens.model, list(lens.params), lens.width, lens.height],
-    }
+    return documents.View(
+        name=view.name,
+        image=_relative(view.image, root),
+        mask=None if view.mask is None else _relative(view.mask, root),
+        mask_from_alpha=view.mask_from_alpha,
+        mask_rule=view.mask_rule,
+        mask_threshold=view.mask_threshold,
+        gain=view.gain,
+        color_space=view.color_space,
+        oriented=view.oriented,
+        full_size=view.full_size,
+        depth=None if view.depth is None else _relative(view.depth, root),
+        held_out=view.held_out,
+        width=view.camera.width,
+        height=view.camera.height,
+        K=view.camera.K.tolist(),
+        cam_from_world=view.camera.cam_from_world.tolist(),
+        distortion=None if lens is None else (lens.model, list(lens.params), lens.width, lens.height),
+    )
 
 
-def _view_from_json(entry: Mapping[str, Any], root: Path) -> View:
-    lens = entry["distortion"]
+def _view_of(entry: documents.View, root: Path) -> View:
+    lens = entry.distortion
     return View(
-        name=entry["name"],
-        camera=Camera(entry["K"], entry["cam_from_world"], entry["width"], entry["height"]),
-        image=root / entry["image"],
-        mask=None if entry["mask"] is None else root / entry["mask"],
-        mask_from_alpha=entry["mask_from_alpha"],
-        mask_rule=entry["mask_rule"],
-        mask_threshold=entry.get("mask_threshold"),
-        gain=entry["gain"],
-        color_space=entry["color_space"],
+        name=entry.name,
+        camera=Camera(np.array(entry.K), np.array(entry.cam_from_world), entry.width, entry.height),
+        image=root / entry.image,
+        mask=None if entry.mask is None else root / entry.mask,
+        mask_from_alpha=entry.mask_from_alpha,
+        mask_rule=entry.mask_rule,
+        mask_threshold=entry.mask_threshold,
+        gain=entry.gain,
+        color_space=entry.color_space,
         distortion=None if lens is None else Lens(lens[0], tuple(lens[1]), lens[2], lens[3]),
-        oriented=entry["oriented"],
-        full_size=None if entry["full_size"] is None else (entry["full_size"][0], entry["full_size"][1]),
-        depth=None if entry["depth"] is None else root / entry["depth"],
-        held_out=entry["held_out"],
+        oriented=entry.oriented,
+        full_size=entry.full_size,
+        depth=None if entry.depth is None else root / entry.depth,
+        held_out=entry.held_out,
     )

@@ -8,26 +8,26 @@ from __future__ import annotations
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numba
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ibrpipe.calibration.child_process import run_child
+from ibrpipe.calibration.document import Calibration
 from ibrpipe.calibration.job import Job, write_job
 from ibrpipe.calibration.photos import photos_of, without_cameras
 from ibrpipe.calibration.results import WEAK, summary
 from ibrpipe.config import StageConfig
-from ibrpipe.engine.documents import Calibration
 from ibrpipe.engine.provenance import count_child
 from ibrpipe.engine.run_folder import kept_folder
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.captures import has_cameras
-from ibrpipe.io.manifest import write_json
+from ibrpipe.io.manifest import write_text
 from ibrpipe.progress import listener
 
-SCHEMA = 1
+SCHEMA: Literal[1] = 1
 #: Module that runs in the child process
 WORKER = "ibrpipe.calibration.worker"
 Pixel = tuple[float, float]
@@ -162,9 +162,8 @@ def run(inputs: Inputs, config: CalibrateConfig) -> Outputs:
     inputs.out.mkdir(parents=True, exist_ok=True)
     outputs = Outputs.below(inputs.out)
     if _all_given(root) and config.mode == "auto":
-        write_json(
-            outputs.calibration_document, {"schema": SCHEMA, "decision": "given", "reason": "the capture has cameras"}
-        )
+        document = Calibration(schema=SCHEMA, decision="given", reason="the capture has cameras")
+        write_text(outputs.calibration_document, document.to_json(2) + "\n")
         return outputs.made()
     job = _job(root, inputs, config)
     work = Path(job.work)
@@ -173,11 +172,11 @@ def run(inputs: Inputs, config: CalibrateConfig) -> Outputs:
     told = listener()
     found = run_child(WORKER, work / "job.json", work / "log.txt", 60.0 * config.time_limit, told)
     count_child(found["peak_memory_bytes"])
-    document = {"schema": SCHEMA, **_decision(job), **found}
+    document = Calibration.model_validate({"schema": SCHEMA, **_decision(job), **found})
     _check(document, config, root)
     shutil.copytree(job.result, inputs.out, dirs_exist_ok=True)
     shutil.rmtree(job.result)
-    write_json(outputs.calibration_document, document)
+    write_text(outputs.calibration_document, document.to_json(2) + "\n")
     (inputs.out / "summary.txt").write_text(summary(document), encoding="utf-8")
     return outputs.made()
 
@@ -219,15 +218,16 @@ def _decision(job: Job) -> dict[str, str]:
     return {"decision": "found", "reason": f"{'part of the capture' if known else 'the capture'} has no cameras"}
 
 
-def _check(document: dict[str, Any], config: CalibrateConfig, root: Path) -> None:
+def _check(document: Calibration, config: CalibrateConfig, root: Path) -> None:
     """Stop when too many photos are left out or stand on weak feet; the first finding says what to shoot."""
-    sound = sum(photo["registered"] and photo["points"] >= WEAK for photo in document["photos"])
-    if sound >= max(2, config.min_registered * document["photos_given"]):
+    sound = sum(photo.registered and photo.points >= WEAK for photo in document.photos)
+    given = len(document.photos)
+    if sound >= max(2, config.min_registered * given):
         return
-    first = next((each for each in document["findings"] if each["severity"] == "warning"), None)
-    advice = f": {first['file']} {first['text']}; {first['remedy']}" if first else ""
+    first = next((each for each in document.findings if each.severity == "warning"), None)
+    advice = f": {first.file} {first.text}; {first.remedy}" if first else ""
     raise CaptureError(
-        f"{root}: only {sound} of {document['photos_given']} photos could be calibrated, expected at "
+        f"{root}: only {sound} of {given} photos could be calibrated, expected at "
         f"least {config.min_registered:.0%} (calibrate.min_registered){advice}"
     )
 

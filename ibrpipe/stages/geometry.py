@@ -16,11 +16,10 @@ from ibrpipe.capture.audit import Surface, rounded
 from ibrpipe.capture.coverage import spread_points
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
-from ibrpipe.engine.documents import Geometry as GeometryDocument
 from ibrpipe.engine.run_folder import kept_folder
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.dense import DepthMap, Workspace, write_workspace
-from ibrpipe.io.manifest import digest, write_json
+from ibrpipe.io.manifest import digest, write_text
 from ibrpipe.io.points import read_points
 from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import View, ViewSet, load_view, read_views
@@ -29,6 +28,7 @@ from ibrpipe.reconstruction.depth import DepthConfig, estimate_depths
 from ibrpipe.reconstruction.depth.cost_model import depth_parts, megapixels, surface_parts
 from ibrpipe.reconstruction.depth.given import given_maps, lacking
 from ibrpipe.reconstruction.depth.spacing import spacing_of, warning
+from ibrpipe.reconstruction.document import Geometry
 from ibrpipe.reconstruction.surface.build import build_surface
 from ibrpipe.reconstruction.surface.settings import SurfaceConfig
 from ibrpipe.types import Mesh
@@ -71,7 +71,7 @@ class Outputs(StageOutputs):
     """What geometry writes."""
 
     mesh: Path = artifact("mesh.ply", "Mesh of the object (PLY).")
-    geometry: Path = artifact("geometry.json", "geometry.json of the geometry stage.", GeometryDocument)
+    geometry: Path = artifact("geometry.json", "geometry.json of the geometry stage.", Geometry)
     dense: Path | None = artifact("dense", "Depth maps as a COLMAP dense workspace.", optional=True)
 
 
@@ -93,7 +93,7 @@ def run(inputs: Inputs, config: GeometryConfig) -> Outputs:
     else:
         with whole(STAGE.name, _parts(views, config)):
             document = _from_photos(views, inputs, config)
-    write_json(outputs.geometry, {"schema": SCHEMA, **document})
+    write_text(outputs.geometry, Geometry.model_validate({"schema": SCHEMA, **document}).to_json(2) + "\n")
     if document.get("warnings"):
         told = "".join(f"warning: {line}\n" for line in document["warnings"])
         (inputs.out / "summary.txt").write_text(told, encoding="utf-8")

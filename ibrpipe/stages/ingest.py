@@ -12,13 +12,13 @@ from pathlib import Path
 from pydantic import Field
 
 from ibrpipe.calibration.job import read_alignment
+from ibrpipe.capture import audit_document
 from ibrpipe.capture.audit import audit_capture, stop_on_errors, write_audit
 from ibrpipe.capture.findings import Limits
 from ibrpipe.config import StageConfig
-from ibrpipe.engine.documents import Audit as AuditDocument
-from ibrpipe.engine.documents import Views as ViewsDocument
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import CaptureError, FormatError
+from ibrpipe.io import view_documents
 from ibrpipe.io.cameras.lenses import Keep
 from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, read_capture
 from ibrpipe.io.points import points_of_views, write_points
@@ -87,8 +87,8 @@ class Inputs:
 class Outputs(StageOutputs):
     """What ingest writes."""
 
-    views: Path = artifact("views.json", "views.json of the ingest stage.", ViewsDocument)
-    audit: Path = artifact("audit.json", "audit.json of the ingest stage.", AuditDocument)
+    views: Path = artifact("views.json", "views.json of the ingest stage.", view_documents.Views)
+    audit: Path = artifact("audit.json", "audit.json of the ingest stage.", audit_document.Audit)
     audit_text: Path = artifact("audit.txt", "The audit in words.")
     given: Path | None = artifact("mesh.ply", "The capture's own mesh (PLY).", optional=True)
     points: Path | None = artifact("points.npz", "Sparse points of the calibration (NPZ).", optional=True)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
-from ibrpipe.engine.documents import Layers as LayersDocument
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.layers import write_layers
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.diffuse_refinement import sharpen
 from ibrpipe.modelling.layers import STATISTICS, LayersConfig, build_layers, rounded
+from ibrpipe.modelling.layers_document import Layers, LayersFigures
 from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.progress import track
 
@@ -34,7 +33,7 @@ class Outputs(StageOutputs):
     """`layers.json` and one folder per texture with `layers.exr`."""
 
     layers: Path = artifact("", "Folder of the layers stage.")
-    layers_document: Path = artifact("layers.json", "Figures of all textures.", LayersDocument)
+    layers_document: Path = artifact("layers.json", "Figures of all textures.", Layers)
 
 
 def run(inputs: Inputs, config: LayersConfig) -> Outputs:
@@ -58,10 +57,10 @@ def run(inputs: Inputs, config: LayersConfig) -> Outputs:
         folder = inputs.out / f"texture_{which:02d}"
         folder.mkdir(parents=True, exist_ok=True)
         write_layers(rounded(layers, config.color_bits), folder / "layers.exr")
-        figures.append({**figure, "bytes": (folder / "layers.exr").stat().st_size})
+        figures.append(LayersFigures(**figure, bytes=(folder / "layers.exr").stat().st_size))
     outputs = Outputs.below(inputs.out)
-    content = {"textures": figures, "training_psnr": [round(value, 3) for value in psnr]}
-    outputs.layers_document.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    document = Layers(textures=figures, training_psnr=[round(value, 3) for value in psnr])
+    outputs.layers_document.write_text(document.to_json(), encoding="utf-8")
     return outputs
 
 

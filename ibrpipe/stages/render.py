@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +12,11 @@ from typing import Any, Literal
 from pydantic import Field, field_validator
 
 from ibrpipe.config import StageConfig
-from ibrpipe.engine.documents import Frames as FramesDocument
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import ShapeError
 from ibrpipe.io.assets import read_asset
-from ibrpipe.io.frames import frame_entry, write_frame
+from ibrpipe.io.frame_documents import Frames, RenderedFrame
+from ibrpipe.io.frames import frame_entry, write_frame, write_frames
 from ibrpipe.io.paths import CameraPath, camera_path, is_orbit, parse_orbit
 from ibrpipe.io.video import write_video
 from ibrpipe.io.views import ViewSet, read_views
@@ -95,7 +94,7 @@ class Outputs(StageOutputs):
     """What render writes: a list of frames, and the frames themselves in one folder per renderer."""
 
     frames: Path = artifact("", "Folder of the render stage.")
-    frames_document: Path = artifact("frames.json", "List of the frames.", FramesDocument)
+    frames_document: Path = artifact("frames.json", "List of the frames.", Frames)
 
 
 def run(inputs: Inputs, config: RenderConfig) -> Outputs:
@@ -111,7 +110,7 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
     asset = read_asset(inputs.asset)
     path = camera_path(config.path, asset, read_views(inputs.views) if inputs.views else ViewSet((), ()))
     path = tuple((name, _sized(camera, config.width, config.height)) for name, camera in path)
-    frames: list[dict[str, Any]] = []
+    frames: list[RenderedFrame] = []
     videos: dict[str, str] = {}
     for renderer in config.renderers:
         choice = choose(renderer)
@@ -120,11 +119,11 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
         frames += _render_all(asset, path, choice, folder, config)
         if config.video and "color" in config.outputs:
             videos[renderer] = f"{choice.folder}/{choice.folder}.mp4"
-            pictures = [inputs.out / frame["png"] for frame in frames if frame["renderer"] == renderer]
+            pictures = [inputs.out / frame.png for frame in frames if frame.renderer == renderer and frame.png]
             write_video(inputs.out / videos[renderer], pictures, config.fps)
-    document = {"path": config.path, "renderers": list(config.renderers), "videos": videos, "frames": frames}
     outputs = Outputs.below(inputs.out)
-    outputs.frames_document.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    document = Frames(path=config.path, renderers=list(config.renderers), videos=videos, frames=frames)
+    write_frames(outputs.frames_document, document)
     return outputs
 
 
@@ -138,7 +137,7 @@ def _sized(camera: Camera, width: int | None, height: int | None) -> Camera:
 
 def _render_all(
     asset: Asset, path: CameraPath, choice: Choice, folder: Path, config: RenderConfig
-) -> list[dict[str, Any]]:
+) -> list[RenderedFrame]:
     """Render and write all frames of one renderer; return their entries of frames.json."""
     renderer = choice.name
     prepared = prepare(asset, renderer)
@@ -175,7 +174,7 @@ def render_path(
     options: Mapping[str, Any],
     repeats: int = 1,
     moved: Sequence[Array] = (),
-) -> list[dict[str, Any]]:
+) -> list[RenderedFrame]:
     """Render relief-mapped meshes along a path -> entries of ``frames.json``, which is written beside the frames.
 
     `moved`: vertices (V, 3) of the one mesh for every frame; a path of one view is then seen from all the time.
@@ -197,9 +196,8 @@ def render_path(
             milliseconds.append(1e3 * (perf_counter() - began))
         files = write_frame(frame, out / name)
         entries.append(frame_entry(name, "relief", camera, frame, files, median(milliseconds)))
-    document = {"renderers": ["relief"], "options": {key: _plain(value) for key, value in options.items()}}
-    text = json.dumps({**document, "frames": entries}, indent=1, ensure_ascii=False)
-    (out / "frames.json").write_text(text + "\n", encoding="utf-8")
+    plain = {key: _plain(value) for key, value in options.items()}
+    write_frames(out / "frames.json", Frames(renderers=["relief"], options=plain, frames=entries))
     return entries
 
 

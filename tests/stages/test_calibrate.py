@@ -12,7 +12,7 @@ import pytest
 from textured_corner import HEIGHT, WIDTH, cameras, texture, write_photos
 
 from ibrpipe.calibration.compare import compare_cameras
-from ibrpipe.engine.documents import Calibration
+from ibrpipe.calibration.document import Calibration
 from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError, ResourceError
 from ibrpipe.io.captures import read_capture

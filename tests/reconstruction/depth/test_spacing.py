@@ -10,11 +10,11 @@ import pytest
 from plane_scene import HEIGHT, PLACES, WIDTH, camera_at, take, true_depth
 
 from ibrpipe.capture.view_spacing import Spacing
-from ibrpipe.engine.documents import Geometry
 from ibrpipe.evaluation.report.surface_words import surface_sentences
 from ibrpipe.io.dense import DepthMap
 from ibrpipe.io.views import View, ViewSet
 from ibrpipe.reconstruction.depth.spacing import angles_between, spacing_of, warning
+from ibrpipe.reconstruction.document import Geometry
 from ibrpipe.stages import geometry
 from ibrpipe.types import Camera
 
