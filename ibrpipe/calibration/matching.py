@@ -64,7 +64,7 @@ _TRIALS, _SURE = 10000, 0.999
 
 
 def may_share_geometry(one: Array, other: Array) -> bool:
-    """Say whether enough matches of two photos agree with one fundamental matrix.
+    """Say whether enough matches of two photos agree with one fundamental matrix (raguram2013, as OpenCV has it).
 
     A known focal length, a plane or a pure rotation are special cases of it, so that none of them is missed.
 

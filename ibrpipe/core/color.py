@@ -1,4 +1,4 @@
-"""sRGB transfer function and relative luminance on arrays. Source: IEC 61966-2-1; primaries Rec.709."""
+"""sRGB transfer function and relative luminance on arrays. Source: iec61966; primaries Rec.709."""
 
 from __future__ import annotations
 

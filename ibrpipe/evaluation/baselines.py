@@ -1,5 +1,6 @@
 """Plain ways to show the same capture, for comparison: unstructured lumigraph and a mesh in median colours.
 
+Source: buehler2001; the photos of a pixel are chosen and weighted as in gong-yang, sec. 4.2.
 Both cast the capture's mesh by Embree and ask the training photos anew at every pixel, so that nothing is lost to
 textures, spirals or codes. Which photos see a point is decided as everywhere else (`photos.PhotoSet`). Surface that no
 photo sees stays black and uncovered.

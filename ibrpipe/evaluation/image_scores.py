@@ -66,7 +66,7 @@ def psnr(truth: Array, picture: Array, mask: Array) -> float | None:
 
 
 def ssim(truth: Array, picture: Array, mask: Array) -> float | None:
-    """Return structural similarity (Wang et al. 2004), the map's mean over mask and channels.
+    """Return structural similarity (wang2004), the map's mean over mask and channels.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def ssim(truth: Array, picture: Array, mask: Array) -> float | None:
 
 
 def flip_map(truth: Array, picture: Array, mask: Array) -> Array:
-    """Return the LDR-FLIP error map (H, W) float32 in 0..1 (Andersson et al. 2020) at `FLIP_PPD` pixels per degree."""
+    """Return the LDR-FLIP error map (H, W) float32 in 0..1 (andersson2020) at `FLIP_PPD` pixels per degree."""
     import flip_evaluator
 
     pair = [np.float32(blackened(coded, mask)) / np.float32(255.0) for coded in (truth, picture)]

@@ -1,7 +1,7 @@
 """Sharpen diffuse colours by back-projection: what the photos show beyond a rendering goes back into the texels.
 
 A diffuse texel is a reduction of photos that were interpolated at its place, and a rendered pixel is interpolated
-between texels; the two together blur. As in iterative back-projection (Irani and Peleg 1991), the diffuse colours are
+between texels; the two together blur. As in iterative back-projection (irani1991), the diffuse colours are
 rendered at the mesh's own surface from every training photo, and the errors are reduced to texels by the very
 statistic that made the colours: a median lets highlights move nothing. This is no part of gong-yang.
 """

@@ -18,7 +18,7 @@ Paint = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Gloss:
-    """A clear coat: Schlick's Fresnel term times what the mirror direction sees.
+    """A clear coat: Schlick's Fresnel term (schlick1994) times what the mirror direction sees.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """What colours a small shift of a picture could bring to a pixel.
 
-After Birchfield and Tomasi 1998, "A pixel dissimilarity measure that is insensitive to image sampling": there the range
-of the intensities half a pixel around, along the scan line; here along eight directions and to a radius of at most one.
+After birchfield1998: there the range of the intensities half a pixel around, along the scan line; here along eight
+directions and to a radius of at most one.
 """
 
 from __future__ import annotations

@@ -5,9 +5,8 @@ instructions; what depends on the reference only (`weigh`) is done once for all 
 
 Symbols: window of `LANES` samples at (dx, dy) around a pixel, weights w (sum 1), reference values r, neighbour's s;
 cost = 1 - cov(r, s) / sqrt((var r + FLOOR) (var s + FLOOR)).
-Sources: bilateral weights as in Schoenberger et al., "Pixelwise View Selection for Unstructured Multi-View Stereo"
-(ECCV 2016), sec. 4.2. Departures: a polynomial's sixteenth power instead of the exponential; a floor under both
-variances, so that a window without texture costs about 1 whatever the plane.
+Source: schoenberger2016, sec. 4.2 (bilateral weights). Departures: a polynomial's sixteenth power instead of the
+exponential; a floor under both variances, so that a window without texture costs about 1 whatever the plane.
 """
 
 from __future__ import annotations

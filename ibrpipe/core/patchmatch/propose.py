@@ -1,6 +1,6 @@
 """Planes that a pixel tries: those of eight regions of the checkerboard around it, and changes of the best.
 
-Source: Xu & Tao, "Multi-Scale Geometric Consistency Guided Multi-View Stereo" (CVPR 2019), sec. 3.2, fig. 3.
+Source: xu2019, sec. 3.2, fig. 3.
 Departures: changes are measured in pixels of motion in the neighbours, and one of them is small.
 """
 

@@ -5,7 +5,7 @@ other, so that threads never see each other's work: a pixel tries the planes of 
 (`patchmatch_propose`), chooses the neighbours that agree with most of them (`patchmatch_views`), keeps the plane that
 is best over those (`patchmatch_cost`), and tries some changes of it.
 
-Source: Xu & Tao, "Multi-Scale Geometric Consistency Guided Multi-View Stereo" (CVPR 2019), sec. 3 and 4.
+Source: xu2019, sec. 3 and 4.
 Departures: planes are inverse depth and its gradient; see the modules named above.
 """
 

@@ -1,8 +1,7 @@
 """Which neighbours a pixel trusts, and how far their own depth disagrees with its.
 
-Sources: joint view selection and geometric consistency from Xu & Tao, "Multi-Scale Geometric Consistency Guided
-Multi-View Stereo" (CVPR 2019), sec. 3.3 and 4.1. Departure: the best `keep` views are taken, by their weights, instead
-of all that pass a count.
+Source: xu2019, sec. 3.3 and 4.1 (joint view selection, geometric consistency). Departure: the best `keep` views are
+taken, by their weights, instead of all that pass a count.
 
 Symbols: m_ij cost of plane i in view j. A neighbour is a row of 32 numbers: 0-8 M and 9-11 m (pixel of a reference
 pixel p with inverse depth q: M p + m q), 12 width, 13 height, 14 row length, 16-24 and 25-27 M and m of the way back.

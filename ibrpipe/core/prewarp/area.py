@@ -1,4 +1,4 @@
-"""Pre-warp with area filtering: what is reduced is averaged. Source: oliveira2000, sec. 3.2.1, after Fant 1986.
+"""Pre-warp with area filtering: what is reduced is averaged. Source: oliveira2000, sec. 3.2.1, after fant1986.
 
 A pixel is the interval (pipelined: the square) round its centre. Every segment of a line gives to each pixel that it
 covers the mean of what it carries there, weighted by how much it covers: exactly the area under the linear pieces.

@@ -1,5 +1,6 @@
-"""A tree of boxes over the prisms of a shell: sorted once along a Morton curve, fitted anew to every set of vertices.
+"""A tree of boxes over the prisms of a shell: sorted once along a curve, fitted anew to every set of vertices.
 
+The curve is Morton's (morton1966).
 The tree is complete: node k has the children 2k + 1 and 2k + 2, and leaf number l holds the prisms ``4 l .. 4 l + 3``
 of the sorted order. So vertices may move: only the boxes change.
 """

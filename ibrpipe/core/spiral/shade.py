@@ -34,7 +34,7 @@ IMAGE, TEXEL, SUM = 0, 4, 8
 
 @inlined
 def arctangent(y, x):
-    # atan2 without branches, to 1e-15: Cephes' rational approximation on [0, tan(pi / 8)]
+    # atan2 without branches, to 1e-15: the rational approximation of Cephes (moshier1989) on [0, tan(pi / 8)]
     ay, ax = abs(y), abs(x)
     low, high = (ay, ax) if ay < ax else (ax, ay)
     high = high if high > 1e-300 else 1e-300

@@ -2,7 +2,7 @@
 
 Disparity d of a pixel of the left picture: it is at (x - d, y) in the right one; depth is
 ``focal * baseline / (d + doffs)``, in the baseline's unit (mm). In ``calib.txt`` pixel centres are at whole numbers.
-Format: Scharstein et al., "High-resolution stereo datasets with subpixel-accurate ground truth" (GCPR 2014).
+Format: scharstein2014.
 """
 
 from __future__ import annotations

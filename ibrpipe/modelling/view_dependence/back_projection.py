@@ -1,9 +1,8 @@
 """Refine residuals by back-projection: render the training photos, blend what is missing back into the residuals.
 
 A residual texel is a blend of photos, and a rendered pixel a blend of residual texels; the two blends together blur.
-As in iterative back-projection (Irani and Peleg 1991, "Improving resolution by image registration"), the photos are
-rendered at the mesh's own surface points, and the error images are carried back by the very blend that made the
-residuals. This is no part of gong-yang.
+As in iterative back-projection (irani1991), the photos are rendered at the mesh's own surface points, and the error
+images are carried back by the very blend that made the residuals. This is no part of gong-yang.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def large_patches(mesh: Mesh, marked: Array, share: float) -> Array:
 
 
 def simplified(mesh: Mesh, edge: float) -> Mesh:
-    """Join triangles until they are about `edge` wide at the mean; a coarser mesh stays as it is."""
+    """Join triangles until they are about `edge` wide at the mean; a coarser mesh stays as it is (garland1997)."""
     wanted = int(face_areas(mesh).sum() / (0.433 * edge * edge))
     if wanted >= len(mesh.faces) or wanted < 4:
         return mesh
