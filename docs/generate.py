@@ -1,10 +1,16 @@
-"""Write the generated pages: docs/cli.md and data_specs/*.schema.json. With --check: say which are out of date."""
+"""Write the generated pages: docs/cli.md, data_specs/*.schema.json and the tables of options in docs/renderers.
 
+With --check: say which are out of date.
+"""
+
+import re
 import sys
 from pathlib import Path
 
 from ibrpipe.cli.reference import reference
 from ibrpipe.cli.schema import models, schema_text
+from ibrpipe.renderers.option_text import option_table
+from ibrpipe.renderers.registry import BUILT_IN, find_renderer
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -12,7 +18,19 @@ ROOT = Path(__file__).resolve().parent.parent
 def pages() -> dict[Path, str]:
     """Return every generated file and the text it should have."""
     schemas = {ROOT / f"data_specs/{name}.schema.json": schema_text(name, model) for name, model in models().items()}
-    return {ROOT / "docs/cli.md": reference(), **schemas}
+    renderers = {ROOT / f"docs/renderers/{name}.md": renderer_page(name) for name in BUILT_IN}
+    return {ROOT / "docs/cli.md": reference(), **schemas, **renderers}
+
+
+def renderer_page(name: str) -> str:
+    """Return the page of a renderer with the table of its options as it should be."""
+    text = (ROOT / f"docs/renderers/{name}.md").read_text(encoding="utf-8")
+    begin, end = "<!-- options: written by `make docs` -->\n", "<!-- end of options -->\n"
+    table = begin + option_table(find_renderer(name).Options) + end
+    found, count = re.subn(f"{re.escape(begin)}.*?{re.escape(end)}", lambda _: table, text, flags=re.DOTALL)
+    if count != 1:
+        raise SystemExit(f"docs/renderers/{name}.md has {count} places for the options; it needs one")
+    return found
 
 
 def stale() -> list[Path]:

@@ -32,7 +32,7 @@ TOOLS: Section = {
     ),
     "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run or an asset holds."),
     "relief": ("ibrpipe.cli.relief:command", "Make relief textures; map reliefs onto meshes."),
-    "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of all files on disk."),
+    "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of files on disk and of renderers' options."),
     "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth."),
 }
 

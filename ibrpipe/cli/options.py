@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -53,9 +53,9 @@ class YamlValue(click.ParamType):
 PATH = click.Path(path_type=Path)
 
 
-def config_options(config: type[StageConfig]) -> list[click.Option]:
-    """Return one option for every field of `config`, with its help, bounds and default."""
-    return [_option(name, field) for name, field in config.model_fields.items()]
+def config_options(config: type[StageConfig], only: Collection[str] | None = None) -> list[click.Option]:
+    """Return one option for every field of `config`, or for those in `only`, with its help, bounds and default."""
+    return [_option(name, field) for name, field in config.model_fields.items() if only is None or name in only]
 
 
 def _option(name: str, field: FieldInfo) -> click.Option:

@@ -8,9 +8,23 @@ from typing import Any
 
 import click
 
-from ibrpipe.cli.options import PATH, example, json_option
+from ibrpipe.cli.options import PATH, config_options, example, json_option
+from ibrpipe.renderers.option_check import checked_options
+from ibrpipe.renderers.relief import ReliefRenderer
+from ibrpipe.renderers.relief.options import ReliefOptions
 
 _VECTOR = (float, float, float)
+#: options of renderer `relief` that the command has, in the order of ``frames.json``
+_LOOK = ("mapping", "model", "search", "shadows", "anisotropy", "linear_steps", "least_steps", "binary_steps")
+
+
+def _look_options() -> list[click.Option]:
+    """Return the options in `_LOOK`, their help without the word that they are for meshes."""
+    options = config_options(ReliefOptions, _LOOK)
+    for option in options:
+        text = (option.help or "").removeprefix("Meshes: ")
+        option.help = f"{text[0].upper()}{text[1:]}."
+    return options
 
 
 @click.command(
@@ -54,38 +68,8 @@ _VECTOR = (float, float, float)
     show_default=True,
     help="Tiled, or ends at its border.",
 )
-@click.option(
-    "--mapping",
-    type=click.Choice(["relief", "parallax", "bump", "plain"]),
-    default="relief",
-    show_default=True,
-    help="What is mapped.",
-)
-@click.option(
-    "--model", type=click.Choice(["flat", "shell"]), default="flat", show_default=True,
-    help="Polygons keep their silhouettes, or the relief carves them.",
-)  # fmt: skip
-@click.option(
-    "--search",
-    type=click.Choice(["exact", "linear-binary"]),
-    default="exact",
-    show_default=True,
-    help="How hits are found.",
-)
-@click.option(
-    "--linear-steps", type=click.IntRange(1, 4096), default=32, show_default=True, help="Steps at grazing views."
-)
-@click.option("--least-steps", type=click.IntRange(1, 4096), default=10, show_default=True, help="Steps seen straight.")
-@click.option(
-    "--binary-steps", type=click.IntRange(0, 64), default=8, show_default=True, help="Bisection steps after them."
-)
-@click.option(
-    "--anisotropy", type=click.IntRange(0, 64), default=8, show_default=True,
-    help="Probes of a pixel's footprint; 0: no mip maps.",
-)  # fmt: skip
 @click.option("--light", type=_VECTOR, help="Place of a lamp.  [default: colours as they are]")
 @click.option("--sun", type=_VECTOR, help="Direction toward a distant light.")
-@click.option("--shadows/--no-shadows", default=True, show_default=True, help="The relief shades itself.")
 @click.option(
     "--moved", type=PATH, metavar="DIR", help="Deformed copies of MESH in order of names, one for each frame."
 )
@@ -109,8 +93,8 @@ def mesh_map(mesh: Path, moved: Path | None, path: str, repeats: int, out: Path,
         raise click.UsageError("give --light or --sun, not both")
     light = given.pop("light") or ((*given["sun"], 0.0) if given["sun"] else None)
     given.pop("sun")
-    look = {name: given.pop(name) for name in ("mapping", "model", "search", "shadows", "anisotropy")}
-    look |= {name: given.pop(name) for name in ("linear_steps", "least_steps", "binary_steps")}
+    look = {name: given.pop(name) for name in _LOOK}
+    checked_options(ReliefRenderer, {"light": light, **look})  # before anything is read
     sources = read_relief_meshes(mesh, **given)
     moves = read_moved(moved) if moved else []
     vertices = np.concatenate([source.mesh.vertices for source in sources])
@@ -124,7 +108,7 @@ def mesh_map(mesh: Path, moved: Path | None, path: str, repeats: int, out: Path,
     click.echo(f"{out}: {len(entries)} frame{'s' if len(entries) > 1 else ''}, thickness {thick}")
 
 
-mesh_map.params.append(json_option)
+mesh_map.params += [*_look_options(), json_option]
 
 
 @click.command(epilog=example("ibrpipe relief dual bunny.ply --side +z --texels 512 --out bunny"))

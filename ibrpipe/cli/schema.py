@@ -1,4 +1,4 @@
-"""``ibrpipe schema``: the JSON Schemas of what is on disk, made of the models that read and write it."""
+"""``ibrpipe schema``: the JSON Schemas of files on disk and of renderers' options, of the models that check them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def models() -> dict[str, type[BaseModel]]:
-    """Return every model of a file on disk, by the name of its schema."""
+    """Return every model of a file on disk, and the options of every renderer, by the name of its schema."""
     from ibrpipe.bench.hard_cases.file import HardCasesFile
     from ibrpipe.bench.sizes.results import GrowthModel, Table2Model
     from ibrpipe.bench.speed_error.results import SpeedErrorModel
     from ibrpipe.engine.pipeline_file import pipeline_model
     from ibrpipe.engine.run_document import RunDocument
     from ibrpipe.io.manifest import Manifest
+    from ibrpipe.renderers.registry import BUILT_IN, find_renderer
     from ibrpipe.stages.registry import load_stages
 
     stages = load_stages()
@@ -31,6 +32,7 @@ def models() -> dict[str, type[BaseModel]]:
     found |= {"hard_cases": HardCasesFile, "manifest": Manifest, "run": RunDocument}
     found |= {"pipeline": pipeline_model(stages), "speed_error": SpeedErrorModel}
     found |= {"growth": GrowthModel, "table2": Table2Model}
+    found |= {f"renderer_{name}": find_renderer(name).Options for name in BUILT_IN}
     return dict(sorted(found.items()))
 
 
