@@ -1,0 +1,67 @@
+"""Directions as places in an octahedral table, and back. Source: cigolle2014, sec. 2; the wrap across edges is ours.
+
+A table of n x n cells covers the unit square of the octahedral map; cell (0, 0)'s centre is at (0.5, 0.5) / n. It is
+read bilinearly from its *padded* form (n + 2, n + 2), whose border repeats the cells that lie across the folded edges:
+beyond cell (i, 0) lies (n - 1 - i, 0), and all four corners are the one direction -z.
+"""
+
+import math
+
+import numpy as np
+
+from ibrpipe.core.jit import fused_exact
+
+
+@fused_exact
+def octahedral_place(x, y, z, size):
+    # direction, any length but 0 -> (u, v) in [0.5, size + 0.5]: padded cell (i, j)'s centre is at (i, j)
+    scale = 1.0 / (abs(x) + abs(y) + abs(z))
+    u, v = x * scale, y * scale
+    if z < 0.0:
+        u, v = math.copysign(1.0 - abs(v), u), math.copysign(1.0 - abs(u), v)
+    return (u + 1.0) * 0.5 * size + 0.5, (v + 1.0) * 0.5 * size + 0.5
+
+
+@fused_exact
+def table_cell(x, y, z, size):
+    # direction -> (row and column of the nearer corner in the padded table, as one number; place in the cell)
+    u, v = octahedral_place(x, y, z, size)
+    i, j = min(int(u), size), min(int(v), size)
+    return np.int32(j * (size + 2) + i), u - i, v - j
+
+
+def cell_directions(size):
+    """(size, size, 3) float64 unit directions of the centres of all cells; rows are v, columns u."""
+    u, v = np.meshgrid((np.arange(size) + 0.5) * 2 / size - 1, (np.arange(size) + 0.5) * 2 / size - 1)
+    z = 1 - abs(u) - abs(v)
+    x = np.where(z < 0, np.copysign(1 - abs(v), u), u)
+    y = np.where(z < 0, np.copysign(1 - abs(u), v), v)
+    found = np.stack([x, y, z], axis=-1)
+    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+
+
+def padded_cells(size):
+    """(size + 2, size + 2) int64: number of the cell that every cell of the padded table shows."""
+    inner = np.arange(size * size).reshape(size, size)
+    out = np.empty((size + 2, size + 2), np.int64)
+    out[1:-1, 1:-1] = inner
+    out[0, 1:-1], out[-1, 1:-1] = inner[0, ::-1], inner[-1, ::-1]
+    out[1:-1, 0], out[1:-1, -1] = inner[::-1, 0], inner[::-1, -1]
+    out[0, 0], out[0, -1], out[-1, 0], out[-1, -1] = inner[-1, -1], inner[-1, 0], inner[0, -1], inner[0, 0]
+    return out
+
+
+def pad(tables):
+    """Pad tables (L, n, n, C) by the cells across their edges: (L, n + 2, n + 2, C)."""
+    size = tables.shape[1]
+    return np.ascontiguousarray(tables.reshape(len(tables), size * size, tables.shape[3])[:, padded_cells(size)])
+
+
+def fold(padded):
+    """Sum a padded table (L, n + 2, n + 2, C) into the cells (L, n, n, C) that it shows: the transpose of `pad`."""
+    size = padded.shape[1] - 2
+    cells = padded_cells(size)
+    out = padded[:, 1:-1, 1:-1].reshape(len(padded), size * size, padded.shape[3]).copy()
+    for border in (np.s_[0, :], np.s_[-1, :], np.s_[1:-1, 0], np.s_[1:-1, -1]):
+        np.add.at(out, (slice(None), cells[border]), padded[(slice(None), *border)])
+    return out.reshape(len(padded), size, size, padded.shape[3])

@@ -1,0 +1,207 @@
+"""What the training photos say about the surface of the layers: one observation a pixel, and one a texel and photo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ibrpipe.capture.photo_set import DEPTH_SLACK, PhotoSet
+from ibrpipe.core.color import srgb_decode
+from ibrpipe.errors import CaptureError
+from ibrpipe.progress import track
+from ibrpipe.renderers.ldi import find_hits
+from ibrpipe.renderers.scene import Scene
+from ibrpipe.renderers.view_dependence.mirror import Looks, Surface, look, meet_surface
+from ibrpipe.types import Array
+
+#: weight of pixels beside a depth edge, and of a texel's own sample (times the root of n.v)
+BESIDE_EDGE, OWN_SAMPLE = 0.3, 0.6
+#: texels that are asked for their own samples at once
+AT_ONCE = 65536
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Observed colours of places on the surface; see :mod:`ibrpipe.core.reflection.model`.
+
+    Attributes
+    ----------
+    where : (N, 2) int32
+    traits : (N, 12) float32
+    photo : (N,) int16, index of the photo
+    met : (M,) int64
+        Observations whose reflected ray meets the surface, ascending.
+    met_where, met_traits : (M, 2) int32, (M, 12) float32
+        The look at what it meets.
+    """
+
+    where: Array
+    traits: Array
+    photo: Array
+    met: Array
+    met_where: Array
+    met_traits: Array
+
+    def subset(self, chosen: Array) -> Observations:
+        """The observations with indices `chosen` (N',), in that order."""
+        number = np.full(len(self.where), -1, np.int64)
+        number[chosen] = np.arange(len(chosen))
+        own = number[self.met]
+        kept = np.flatnonzero(own >= 0)
+        kept = kept[np.argsort(own[kept], kind="stable")]
+        return Observations(
+            self.where[chosen], self.traits[chosen], self.photo[chosen], own[kept], self.met_where[kept],
+            self.met_traits[kept],
+        )  # fmt: skip
+
+    def of_photos(self, wanted: Array) -> Observations:
+        """The observations of the photos for which `wanted` (P,) is true."""
+        return self.subset(np.flatnonzero(wanted[self.photo]))
+
+
+def join(parts: Sequence[Observations]) -> Observations:
+    """All observations of the parts, one after another."""
+    firsts = np.cumsum([0] + [len(part.where) for part in parts])
+    parts = [replace(part, met=part.met + first) for part, first in zip(parts, firsts, strict=False)]
+    names = ("where", "traits", "photo", "met", "met_where", "met_traits")
+    return Observations(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def observe_pixels(
+    scene: Scene, surface: Surface, photos: PhotoSet, size: int, most: int = 6_000_000
+) -> Observations:
+    """Observe the surface through a checkerboard half of the photos' pixels inside the masks, or fewer.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of the layers; hits are those that are drawn.
+    surface : Surface
+    photos : PhotoSet
+    size : int
+        Cells along a table's edge.
+    most : int
+        Observations at the most; every n-th pixel is taken so that about as many remain.
+
+    Raises
+    ------
+    CaptureError
+        A photo holds NaN or infinite pixels.
+    """
+    step = max(2, int(np.ceil(np.count_nonzero(photos.mask >= 0.5) / most)))
+    return join([
+        _observe_photo(scene, surface, photos, p, size, step) for p in track(range(len(photos.cameras)), "observe")
+    ])
+
+
+def _observe_photo(scene: Scene, surface: Surface, photos: PhotoSet, p: int, size: int, step: int) -> Observations:
+    camera, own = photos.cameras[p], _pixels(photos, p)
+    shape = camera.height, camera.width
+    depth, mask = photos.depth[own].reshape(shape), photos.mask[own].reshape(shape)
+    hits = find_hits(scene, camera)
+    row, column = np.indices(shape)
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(hits.depth - depth) <= 2 * DEPTH_SLACK * depth / camera.K[0, 0]
+    taken = np.isfinite(hits.depth) & apart & (mask >= 0.5) & ((row + column + p) % step == 0)
+    row, column = np.nonzero(taken)
+    pixel = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], axis=1)
+    points = camera.center + hits.depth[taken][:, None].astype(np.float64) * (pixel @ camera.world_from_pixel.T)
+    seen = look(surface, points, hits.ids[taken].astype(np.int64), camera.center, size)
+    weight = mask[taken] * np.where(beside_edge(depth, mask)[taken], BESIDE_EDGE, 1.0)
+    code, level = photos.code[own].reshape(*shape, 3), _clipped(photos.code[own])
+    return _observations(surface, seen, weight, code[taken], level, p, size)
+
+
+def _pixels(photos: PhotoSet, p: int) -> slice:
+    return slice(int(photos.starts[p]), int(photos.starts[p]) + int(np.prod(photos.sizes[p], dtype=np.int64)))
+
+
+def _clipped(code: Array) -> float:
+    """Display code from which on a photo's pixels (N, 3) count as clipped: its brightest, where many are as bright."""
+    if not np.isfinite(code).all():
+        raise CaptureError("a photo holds NaN or infinite pixels; repair it")
+    most = float(code.max(initial=0.0)) - 1e-4
+    return most if np.count_nonzero(code >= most) >= 8 else np.inf
+
+
+def beside_edge(depth: Array, mask: Array) -> Array:
+    """Say which pixels (H, W) have a neighbour on another surface or outside the mask.
+
+    A surface goes on where inverse depth, which is straight on planes, bends by less than a hundredth.
+    """
+    inverse = np.pad(np.where(mask >= 0.5, 1.0 / depth, 0.0), 1, mode="edge")
+    inner, out = inverse[1:-1, 1:-1], np.zeros(depth.shape, bool)
+    for before, after in ((inverse[1:-1, :-2], inverse[1:-1, 2:]), (inverse[:-2, 1:-1], inverse[2:, 1:-1])):
+        out |= np.abs(before + after - 2 * inner) > 0.01 * inner
+        out |= (before == 0) | (after == 0)
+    return out
+
+
+def _observations(
+    surface: Surface, seen: Looks, weight: Array, code: Array, level: float, p: int, size: int
+) -> Observations:
+    """Fill in what was observed, and look where the reflected rays go."""
+    known = np.isfinite(seen.reflected[:, 0])
+    root = np.sqrt(srgb_decode(code))
+    seen.traits[:, 5] = np.where(known, weight, 0.0)
+    seen.traits[:, 6:9] = np.where(code >= level, -root, root)
+    met, ends = meet_surface(surface, seen, size)
+    photo = np.full(len(seen.where), p, np.int16)
+    return Observations(seen.where, seen.traits, photo, met, ends.where, ends.traits)
+
+
+def observe_texels(
+    surface: Surface, points: Array, photos: PhotoSet, size: int, every: int, quantile: float
+) -> tuple[Observations | None, Array]:
+    """Observe every sample of the layers at its own place, and reduce what all photos show there to a first colour.
+
+    Parameters
+    ----------
+    points : (S, 3) float64, world, of the samples
+    every : int
+        Every n-th photo gives observations, with weight 0.6 sqrt(n.v); 0 = none does.
+    quantile : float
+        Of every channel over all photos that see the sample.
+
+    Returns
+    -------
+    observations : Observations or None
+    color : (S, 3) float32, linear; NaN where no photo sees the sample
+    """
+    patch = np.full(len(points), -1, np.int64)
+    first = surface.records[:, 4]
+    patch[first[first >= 0]] = np.flatnonzero(first >= 0)
+    color, parts = np.empty((len(points), 3), np.float32), []
+    blocks = range(0, len(points), AT_ONCE)
+    for begin in track(blocks, "texels"):
+        own = slice(begin, min(begin + AT_ONCE, len(points)))
+        codes = np.stack(list(_own_codes(surface, points, photos, own)))
+        color[own] = srgb_decode(_quantile(codes, quantile))
+        for p in range(0, len(photos.cameras), every) if every else ():
+            some = np.flatnonzero(np.isfinite(codes[p, :, 0]) & (patch[own] >= 0))
+            at = begin + some
+            seen = look(surface, points[at], patch[at], photos.centers[p], size)
+            toward = photos.centers[p] - points[at]
+            cosine = (seen.normals * toward).sum(axis=1) / np.linalg.norm(toward, axis=1)
+            weight = OWN_SAMPLE * np.sqrt(np.maximum(np.nan_to_num(cosine), 0.0))
+            level = _clipped(photos.code[_pixels(photos, p)])
+            parts.append(_observations(surface, seen, weight, codes[p, some], level, p, size))
+    return (join(parts) if parts else None), color
+
+
+def _own_codes(surface: Surface, points: Array, photos: PhotoSet, own: slice) -> Iterator[Array]:
+    """Yield, photo by photo, the display code (n, 3) float32 of the samples; NaN where it does not see them."""
+    normals = surface.normals[own]
+    for p in range(len(photos.cameras)):
+        toward = photos.centers[p] - points[own]
+        yield photos.subset([p]).blend_codes(points[own], normals, toward)[0]
+
+
+def _quantile(codes: Array, share: float) -> Array:
+    """(n, 3) lower quantile over axis 0 of codes (P, n, 3), NaN left out; NaN where there is nothing."""
+    ordered = np.sort(codes, axis=0)
+    count = np.isfinite(ordered).sum(axis=0)
+    rank = np.maximum(np.ceil(share * count).astype(np.int64) - 1, 0)
+    return np.take_along_axis(ordered, rank[None], axis=0)[0]

@@ -1,0 +1,134 @@
+"""What a surface of layered images mirrors: places and normals of hits, reflected rays, and what these meet.
+
+The surface is the very one that is drawn: reflected rays walk the same pyramids as the rays of pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ibrpipe.core.reflection.geometry import place_hits, reflect, search_rays
+from ibrpipe.core.reflection.model import TRAITS
+from ibrpipe.renderers.fields import Place
+from ibrpipe.renderers.scene import Scene
+from ibrpipe.renderers.search.quadtree import Sheet
+from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame
+
+#: reflected rays start this far above the surface, and meet nothing nearer than this, in texels
+LIFT, CLEAR = 0.3, 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The surface of layered images as mirrors need it.
+
+    Attributes
+    ----------
+    records : (P, 8) int32, as `Scene.records`
+    corners : (P, 4) int32
+        Samples of every patch whose colour is known; -1 = none.
+    places : (F, 4, 4) float64, homogeneous field coordinates from world, one per layered image
+    normals : (S, 3) float32, unit, world
+    sheets : list of Sheet
+    texel : float
+        Scene units.
+    """
+
+    records: Array
+    corners: Array
+    places: Array
+    normals: Array
+    sheets: list[Sheet]
+    texel: float
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """Looks at N places of a surface.
+
+    Attributes
+    ----------
+    where, traits : see :mod:`ibrpipe.core.reflection.model`
+        Weight and observed colour are not set; the mirrored colour is NaN.
+    points, normals, reflected : (N, 3) float64
+        Places and unit vectors in the world; NaN where no normal is known.
+    """
+
+    where: Array
+    traits: Array
+    points: Array
+    normals: Array
+    reflected: Array
+
+
+def make_surface(scene: Scene, layers: Sequence[LayeredDepthImage]) -> Surface:
+    """Join what mirrors need of the layered images that `scene` was prepared of, in its order."""
+    records, colors = scene.records
+    known = np.append(colors[:, 3] > 0, False)
+    corners = np.where(known[records[:, 4:]], records[:, 4:], -1).astype(np.int32)
+    places = np.stack([matrix(field.place) for _, field in scene.patches])
+    normals = np.concatenate([each.normal for each in layers])
+    return Surface(records, corners, places, normals, scene.sheets, float(np.median([_texel(x) for x in layers])))
+
+
+def matrix(place: Place) -> Array:
+    """(4, 4) float64: homogeneous field coordinates from (X, 1)."""
+    return np.concatenate([place.linear, (place.shift - place.linear @ place.origin)[:, None]], axis=1)
+
+
+def _texel(layers: LayeredDepthImage) -> float:
+    """Size of a texel on the surface, scene units."""
+    frame = layers.frame
+    if isinstance(frame, ParallelFrame):
+        return float(np.linalg.norm(frame.a))
+    return float(np.median(layers.depth)) / float(frame.K[0, 0]) if len(layers.depth) else 0.0
+
+
+def look(surface: Surface, points: Array, patches: Array, eyes: Array, size: int) -> Looks:
+    """Look from `eyes` at places on patches.
+
+    Parameters
+    ----------
+    points : (N, 3) float64, world
+    patches : (N,) int64; -1 = none
+    eyes : (N, 3) or (3,) float64, world
+    size : int
+        Cells along a table's edge.
+    """
+    count = len(points)
+    where, traits = np.zeros((count, 2), np.int32), np.zeros((count, TRAITS), np.float32)
+    where[:, 0], traits[:, 9:] = np.maximum(patches, 0), np.nan
+    points, normals, reflected = np.ascontiguousarray(points), np.empty((count, 3)), np.empty((count, 3))
+    place_hits(points, patches, surface.records, surface.places, surface.normals, traits, normals)
+    toward = eyes - points
+    toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+    reflect(normals, toward, size, where, traits, reflected)
+    return Looks(where, traits, points, normals, reflected)
+
+
+def meet_surface(surface: Surface, seen: Looks, size: int) -> tuple[Array, Looks]:
+    """Follow the reflected rays: indices (M,) int64 of those that meet the surface, and the looks at what they meet."""
+    able = np.flatnonzero(np.isfinite(seen.reflected[:, 0]))
+    ways = seen.reflected[able]
+    start = seen.points[able] + LIFT * surface.texel * seen.normals[able] + CLEAR * surface.texel * ways
+    t, patches = cast(surface, start, ways)
+    met = np.flatnonzero(patches >= 0)
+    ends = start[met] + t[met, None] * ways[met]
+    return able[met], look(surface, ends, patches[met], seen.points[able[met]], size)
+
+
+def cast(surface: Surface, origins: Array, directions: Array) -> tuple[Array, Array]:
+    """Nearest fronts that rays (N, 3) meet: (N,) float64 in lengths of the direction, +inf = none; (N,) int64 patch."""
+    rays = np.ascontiguousarray(np.concatenate([origins, directions], axis=1))
+    t, patches = np.full(len(rays), np.inf), np.full(len(rays), -1, np.int64)
+    for sheet in surface.sheets:
+        if sheet.box[2] <= sheet.box[3]:
+            _, *leaves = sheet.leaves
+            search_rays(
+                rays, matrix(sheet.place), sheet.box, sheet.grid, sheet.nodes, sheet.meta, *leaves, sheet.base, t,
+                patches,
+            )  # fmt: skip
+    return t, patches
