@@ -74,32 +74,25 @@ def reflect(normals, toward, size, out_where, out_traits, out_reflected):
 
 
 @exact_kernel
-def search_rays(rays, place, box, grid, nodes, meta, cells, corners, masks, base, out_t, out_ids):
-    """Lower out_t (N,) f64 and set out_ids (N,) i64 where free rays meet the front of one sheet of patches nearer."""
-    # rays (N, 6) f64 origin, direction (t in its lengths); place (4, 4); box ... masks: see renderers.search.quadtree
-    nothing = np.empty((0, 0), np.float32)
+def search_rays(rays, place, box, pyramid, leaves, base, out_t, out_ids):
+    """Lower out_t (N,) f64 and set out_ids (N,) i64 where free rays meet one sheet of a field nearer."""
+    # rays (N, 6) f64 origin, direction (t in its lengths); place (4, 4); box, pyramid, leaves: see search_field
     columns, rows = int(box[0]), int(box[1])
+    front = len(leaves[1]) > 0
     for block in prange((len(rays) + BLOCK - 1) // BLOCK):
-        start = np.empty(4)
+        start, way = np.empty(4), np.empty(4)
         for i in range(block * BLOCK, min(block * BLOCK + BLOCK, len(rays))):
-            x, y, z = rays[i, 0], rays[i, 1], rays[i, 2]
-            dx, dy, dz = rays[i, 3], rays[i, 4], rays[i, 5]
             for k in range(4):
-                start[k] = place[k, 0] * x + place[k, 1] * y + place[k, 2] * z + place[k, 3]
-            du = place[0, 0] * dx + place[0, 1] * dy + place[0, 2] * dz
-            dv = place[1, 0] * dx + place[1, 1] * dy + place[1, 2] * dz
-            dn = place[2, 0] * dx + place[2, 1] * dy + place[2, 2] * dz
-            dq = place[3, 0] * dx + place[3, 1] * dy + place[3, 2] * dz
-            near, far = clip_box(start, du, dv, dn, dq, box, out_t[i])
+                way[k] = place[k, 0] * rays[i, 3] + place[k, 1] * rays[i, 4] + place[k, 2] * rays[i, 5]
+                start[k] = place[k, 0] * rays[i, 0] + place[k, 1] * rays[i, 1] + place[k, 2] * rays[i, 2] + place[k, 3]
+            near, far = clip_box(start, way[0], way[1], way[2], way[3], box, out_t[i])
             if not near <= far:
                 continue
-            qa, qb = start[3] + near * dq, start[3] + far * dq
-            u, v, d = (start[0] + near * du) / qa, (start[1] + near * dv) / qa, (start[2] + near * dn) / qa
-            su, sv = (start[0] + far * du) / qb - u, (start[1] + far * dv) / qb - v
-            sd = (start[2] + far * dn) / qb - d
-            s, patch, _, _ = walk_ray(
-                nodes, meta, nothing, cells, corners, masks, columns, rows, grid, u, v, d, su, sv, sd, near, True
-            )
+            qa, qb = start[3] + near * way[3], start[3] + far * way[3]
+            u, v, d = (start[0] + near * way[0]) / qa, (start[1] + near * way[1]) / qa, (start[2] + near * way[2]) / qa
+            du, dv = (start[0] + far * way[0]) / qb - u, (start[1] + far * way[1]) / qb - v
+            dd = (start[2] + far * way[2]) / qb - d
+            s, patch, _, _ = walk_ray(pyramid, leaves, columns, rows, (u, v, d), (du, dv, dd), near, front)
             if s < np.inf:
                 t = depth_at(s, near, far, qa, qb)
                 if t < out_t[i]:

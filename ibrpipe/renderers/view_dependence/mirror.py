@@ -126,9 +126,6 @@ def cast(surface: Surface, origins: Array, directions: Array) -> tuple[Array, Ar
     t, patches = np.full(len(rays), np.inf), np.full(len(rays), -1, np.int64)
     for sheet in surface.sheets:
         if sheet.box[2] <= sheet.box[3]:
-            _, *leaves = sheet.leaves
-            search_rays(
-                rays, matrix(sheet.place), sheet.box, sheet.grid, sheet.nodes, sheet.meta, *leaves, sheet.base, t,
-                patches,
-            )  # fmt: skip
+            pyramid = (sheet.nodes, sheet.meta, sheet.grid)
+            search_rays(rays, matrix(sheet.place), sheet.box, pyramid, sheet.leaves, sheet.base, t, patches)
     return t, patches

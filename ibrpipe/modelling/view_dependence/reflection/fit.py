@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from ibrpipe.core.reflection.directions import fold, pad
-from ibrpipe.core.reflection.model import CHANNELS, DARK, add_gradients, predict
+from ibrpipe.core.reflection.model import CHANNELS, DARK, add_gradients
 from ibrpipe.core.reflection.steps import adam_step, sum_tables, sum_texels
 from ibrpipe.modelling.view_dependence.reflection.observations import Observations
 from ibrpipe.progress import track
+from ibrpipe.renderers.view_dependence.reflection import Model
 from ibrpipe.types import Array
 
 #: reflectance at normal incidence of the tables: coat, metal
 REFLECTANCE = (0.045, 0.9)
 #: observations are cut into so many chunks, whatever the threads
 CHUNKS = 32
-#: mirrored light of the object itself is cut here
-BRIGHTEST = 1.5
 
 
 @dataclass(frozen=True)
@@ -44,37 +44,6 @@ class FitRules:
     smoothness: float = 0.003
     bend: float = 0.2
     damping: float = 0.9
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """Shared reflection of a surface.
-
-    Attributes
-    ----------
-    texels : (S, 3 or 3 + L) float32
-        Square roots of linear diffuse light, then weights of the tables.
-    tables : (L, n, n, 3) float32
-        Square roots of linear reflected light.
-    law : (2 + L,) float64
-        Damping, Huber's bend, reflectances.
-    """
-
-    texels: Array
-    tables: Array
-    law: Array
-
-    @property
-    def padded(self) -> Array:
-        """(L, (n + 2)^2, 3) float32, as the kernels take the tables."""
-        count, size = self.tables.shape[:2]
-        return pad(self.tables).reshape(count, (size + 2) ** 2, CHANNELS)
-
-    def colors(self, where: Array, traits: Array, corners: Array) -> Array:
-        """Linear light (N, 3) float32 of looks; NaN where a patch has no known sample."""
-        out = np.empty((len(where), 3), np.float32)
-        predict(where, traits, corners, self.texels, self.padded, self.law, out)
-        return out
 
 
 def make_law(tables: int, rules: FitRules) -> Array:
@@ -122,8 +91,8 @@ def _batched(patches: Array, batches: int) -> tuple[Array, Array]:
 
 def reflect_itself(model: Model, observations: Observations, corners: Array) -> None:
     """Renew the mirrored colours of observations whose reflected ray meets the object."""
-    color = model.colors(observations.met_where, observations.met_traits, corners)
-    observations.traits[observations.met, 9:] = np.minimum(np.nan_to_num(color), BRIGHTEST)
+    light = model.own_light(observations.met_where, observations.met_traits, corners)
+    observations.traits[observations.met, 9:] = light
 
 
 def _begin(model: Model, observations: Observations, corners: Array, tables: int, rules: FitRules) -> Model:
@@ -138,7 +107,7 @@ def _begin(model: Model, observations: Observations, corners: Array, tables: int
 
     tint = (model.texels.astype(np.float64) ** 2).mean(axis=0)
     metal = gaussian_filter(coat, (3, 3, 0)) * (tint / max(float(tint.mean()), DARK))
-    weights = np.broadcast_to(np.float32((0.9, 0.1)), (len(model.texels), 2))
+    weights = np.broadcast_to(np.array((0.9, 0.1), np.float32), (len(model.texels), 2))
     texels = np.concatenate([model.texels, weights], axis=1)
     return Model(texels, np.sqrt(np.stack([coat, metal])).astype(np.float32), law)
 
@@ -170,11 +139,9 @@ def _left_over(model: Model, observations: Observations, corners: Array, law: Ar
 class _Pace:
     """Steps of Adam over one model, in place."""
 
-    def __init__(
-        self, model: Model, observations: Observations, corners: Array, ends: Array, rules: FitRules
-    ) -> None:
+    def __init__(self, model: Model, observations: Observations, corners: Array, ends: Array, rules: FitRules) -> None:
         self.model, self.observations, self.corners, self.rules = model, observations, corners, rules
-        self.chunks = [_chunks(observations.where, corners, *pair) for pair in zip(ends[:-1], ends[1:])]
+        self.chunks = [_chunks(observations.where, corners, *pair) for pair in pairwise(ends)]
         texels, tables = model.texels, model.tables
         self.moments = [np.zeros_like(array) for array in (texels, texels, tables, tables)]
         rows = max(int(counts.sum()) for _, counts in self.chunks)
@@ -221,12 +188,12 @@ class _Pace:
 
 
 def _chunks(where: Array, corners: Array, begin: int, end: int) -> tuple[Array, Array]:
-    """(C, 4) int64 chunks of the observations from `begin` to `end`, see the kernel, and samples (C,) that each touches."""
+    """Return chunks (C, 4) int64 of the observations from `begin` to `end`, and how many samples (C,) each touches."""
     low = np.where(corners >= 0, corners, np.iinfo(np.int32).max).min(axis=1)
     high = corners.max(axis=1)
     bounds = np.linspace(begin, end, CHUNKS + 1).astype(np.int64)
     out, counts = np.zeros((CHUNKS, 4), np.int64), np.zeros(CHUNKS, np.int64)
-    for n, (first, last) in enumerate(zip(bounds[:-1], bounds[1:])):
+    for n, (first, last) in enumerate(pairwise(bounds)):
         patches = where[first:last, 0]
         least, most = (int(low[patches].min()), int(high[patches].max())) if last > first else (0, -1)
         counts[n] = max(most - least + 1, 0)

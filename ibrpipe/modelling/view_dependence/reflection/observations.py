@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ibrpipe.capture.photo_set import DEPTH_SLACK, PhotoSet
 from ibrpipe.core.color import srgb_decode
+from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
 from ibrpipe.progress import track
 from ibrpipe.renderers.ldi import find_hits
 from ibrpipe.renderers.scene import Scene
-from ibrpipe.renderers.view_dependence.mirror import Looks, Surface, look, meet_surface
+from ibrpipe.renderers.view_dependence.mirror import LIFT, Looks, Surface, look, meet_surface
+from ibrpipe.renderers.view_dependence.reflection import look_through
 from ibrpipe.types import Array
 
 #: weight of pixels beside a depth edge, and of a texel's own sample (times the root of n.v)
 BESIDE_EDGE, OWN_SAMPLE = 0.3, 0.6
-#: texels that are asked for their own samples at once
-AT_ONCE = 65536
+#: least n.v at which a texel's own sample is taken
+STEEPEST = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +71,7 @@ def join(parts: Sequence[Observations]) -> Observations:
     return Observations(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def observe_pixels(
-    scene: Scene, surface: Surface, photos: PhotoSet, size: int, most: int = 6_000_000
-) -> Observations:
+def observe_pixels(scene: Scene, surface: Surface, photos: PhotoSet, size: int, most: int = 6_000_000) -> Observations:
     """Observe the surface through a checkerboard half of the photos' pixels inside the masks, or fewer.
 
     Parameters
@@ -91,9 +91,9 @@ def observe_pixels(
         A photo holds NaN or infinite pixels.
     """
     step = max(2, int(np.ceil(np.count_nonzero(photos.mask >= 0.5) / most)))
-    return join([
-        _observe_photo(scene, surface, photos, p, size, step) for p in track(range(len(photos.cameras)), "observe")
-    ])
+    return join(
+        [_observe_photo(scene, surface, photos, p, size, step) for p in track(range(len(photos.cameras)), "observe")]
+    )
 
 
 def _observe_photo(scene: Scene, surface: Surface, photos: PhotoSet, p: int, size: int, step: int) -> Observations:
@@ -105,10 +105,7 @@ def _observe_photo(scene: Scene, surface: Surface, photos: PhotoSet, p: int, siz
     with np.errstate(invalid="ignore"):
         apart = np.abs(hits.depth - depth) <= 2 * DEPTH_SLACK * depth / camera.K[0, 0]
     taken = np.isfinite(hits.depth) & apart & (mask >= 0.5) & ((row + column + p) % step == 0)
-    row, column = np.nonzero(taken)
-    pixel = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], axis=1)
-    points = camera.center + hits.depth[taken][:, None].astype(np.float64) * (pixel @ camera.world_from_pixel.T)
-    seen = look(surface, points, hits.ids[taken].astype(np.int64), camera.center, size)
+    seen = look_through(surface, camera, hits.depth, hits.ids, taken, size)
     weight = mask[taken] * np.where(beside_edge(depth, mask)[taken], BESIDE_EDGE, 1.0)
     code, level = photos.code[own].reshape(*shape, 3), _clipped(photos.code[own])
     return _observations(surface, seen, weight, code[taken], level, p, size)
@@ -153,55 +150,34 @@ def _observations(
 
 
 def observe_texels(
-    surface: Surface, points: Array, photos: PhotoSet, size: int, every: int, quantile: float
-) -> tuple[Observations | None, Array]:
-    """Observe every sample of the layers at its own place, and reduce what all photos show there to a first colour.
+    surface: Surface, points: Array, wanted: Array, caster: MeshCaster, photos: PhotoSet, size: int
+) -> Observations | None:
+    """Observe some samples of the layers at their own places, in every photo that sees them; None where none does.
 
     Parameters
     ----------
     points : (S, 3) float64, world, of the samples
-    every : int
-        Every n-th photo gives observations, with weight 0.6 sqrt(n.v); 0 = none does.
-    quantile : float
-        Of every channel over all photos that see the sample.
-
-    Returns
-    -------
-    observations : Observations or None
-    color : (S, 3) float32, linear; NaN where no photo sees the sample
+    wanted : (S,) bool
+    caster : MeshCaster
+        The mesh that tells what hides a sample from a photo.
     """
     patch = np.full(len(points), -1, np.int64)
     first = surface.records[:, 4]
     patch[first[first >= 0]] = np.flatnonzero(first >= 0)
-    color, parts = np.empty((len(points), 3), np.float32), []
-    blocks = range(0, len(points), AT_ONCE)
-    for begin in track(blocks, "texels"):
-        own = slice(begin, min(begin + AT_ONCE, len(points)))
-        codes = np.stack(list(_own_codes(surface, points, photos, own)))
-        color[own] = srgb_decode(_quantile(codes, quantile))
-        for p in range(0, len(photos.cameras), every) if every else ():
-            some = np.flatnonzero(np.isfinite(codes[p, :, 0]) & (patch[own] >= 0))
-            at = begin + some
-            seen = look(surface, points[at], patch[at], photos.centers[p], size)
-            toward = photos.centers[p] - points[at]
-            cosine = (seen.normals * toward).sum(axis=1) / np.linalg.norm(toward, axis=1)
-            weight = OWN_SAMPLE * np.sqrt(np.maximum(np.nan_to_num(cosine), 0.0))
-            level = _clipped(photos.code[_pixels(photos, p)])
-            parts.append(_observations(surface, seen, weight, codes[p, some], level, p, size))
-    return (join(parts) if parts else None), color
-
-
-def _own_codes(surface: Surface, points: Array, photos: PhotoSet, own: slice) -> Iterator[Array]:
-    """Yield, photo by photo, the display code (n, 3) float32 of the samples; NaN where it does not see them."""
-    normals = surface.normals[own]
-    for p in range(len(photos.cameras)):
-        toward = photos.centers[p] - points[own]
-        yield photos.subset([p]).blend_codes(points[own], normals, toward)[0]
-
-
-def _quantile(codes: Array, share: float) -> Array:
-    """(n, 3) lower quantile over axis 0 of codes (P, n, 3), NaN left out; NaN where there is nothing."""
-    ordered = np.sort(codes, axis=0)
-    count = np.isfinite(ordered).sum(axis=0)
-    rank = np.maximum(np.ceil(share * count).astype(np.int64) - 1, 0)
-    return np.take_along_axis(ordered, rank[None], axis=0)[0]
+    chosen = np.flatnonzero(wanted & (patch >= 0))
+    parts = []
+    for p in track(range(len(photos.cameras)), "texels"):
+        toward = photos.centers[p] - points[chosen]
+        cosine = (surface.normals[chosen] * toward).sum(axis=1) / np.linalg.norm(toward, axis=1)
+        able = np.flatnonzero(cosine >= STEEPEST)
+        at = chosen[able]
+        code, _ = photos.subset([p]).blend_codes(points[at], surface.normals[at], toward[able])
+        start = points[at] + LIFT * surface.texel * surface.normals[at]
+        hidden = caster.occluded(start, photos.centers[p] - start, 0.0, 1.0)
+        some = np.flatnonzero(np.isfinite(code[:, 0]) & ~hidden)
+        seen = look(surface, points[at[some]], patch[at[some]], photos.centers[p], size)
+        seen.traits[:, :2] = 0.0  # the patch's first corner, whatever the rounding
+        weight = OWN_SAMPLE * np.sqrt(np.minimum(cosine[able[some]], 1.0))
+        level = _clipped(photos.code[_pixels(photos, p)])
+        parts.append(_observations(surface, seen, weight, code[some], level, p, size))
+    return join(parts) if sum(len(part.where) for part in parts) else None

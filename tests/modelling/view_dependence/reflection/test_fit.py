@@ -1,0 +1,154 @@
+"""Shared reflection fitted to a glossy ball and a matt wall: left-out photos come nearer, the wall needs no table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from kernel_runs import on_all_thread_counts
+
+from ibrpipe.core.color import srgb_decode
+from ibrpipe.errors import CaptureError
+from ibrpipe.modelling.diffuse_refinement import sample_points
+from ibrpipe.modelling.layers import LayersConfig, build_layers
+from ibrpipe.modelling.plan_file import TexturePlan
+from ibrpipe.modelling.rectangles import box_faces
+from ibrpipe.modelling.view_dependence.reflection.choice import choose_tables, held_out_psnr
+from ibrpipe.modelling.view_dependence.reflection.first_guess import fill_colors, first_colors, guess, seen_weight
+from ibrpipe.modelling.view_dependence.reflection.fit import FitRules, fit
+from ibrpipe.modelling.view_dependence.reflection.observations import join, observe_pixels, observe_texels
+from ibrpipe.renderers.scene import prepare
+from ibrpipe.renderers.view_dependence.mirror import make_surface
+
+RULES = FitRules(size=24, epochs=8, polish=2)
+
+
+class Stage:
+    """A synthetic capture with layers of its box, and what its photos say of them."""
+
+    def __init__(self, measured, scene, texel):
+        self.measured = measured(scene)
+        caster, self.photos = self.measured.caster, self.measured.photos
+        vertices = caster.mesh.vertices
+        half = np.ptp(vertices, axis=0) / 2
+        faces = box_faces(vertices.min(axis=0) + half, np.eye(3), half, texel)
+        plans = [TexturePlan(face, 60.0, 8, False, 1 / 16, 0.6) for face in faces]
+        exact = LayersConfig(depth_bits=32, color_bits=16)
+        self.layers = [build_layers(i, plans, caster, self.photos, exact)[0] for i in range(len(plans))]
+        self.scene = prepare(tuple(self.layers))
+        self.surface = make_surface(self.scene, self.layers)
+        self.points = np.concatenate([sample_points(f, each) for f, each in zip(faces, self.layers, strict=True)])
+
+    def observe(self, photos=None):
+        return observe_pixels(self.scene, self.surface, photos or self.photos, RULES.size)
+
+
+@pytest.fixture(scope="module")
+def ball(measured):
+    return Stage(measured, "ball", 0.06)
+
+
+@pytest.fixture(scope="module")
+def wall(measured):
+    return Stage(measured, "lambert", 0.06)
+
+
+def test_a_table_explains_the_glossy_ball_and_the_bytes_are_the_same_on_all_threads(ball):
+    seen = ball.observe()
+    held_out = np.arange(len(ball.photos.cameras)) % 5 == 2
+    kept, tested = seen.of_photos(~held_out), seen.of_photos(held_out)
+    first = guess(kept, ball.surface, ball.points)
+
+    def compute(tables=1):
+        model = fit(kept, ball.surface.corners, first, tables, RULES)
+        return model.texels, model.tables
+
+    on_all_thread_counts(compute)
+    with_none, with_one = (
+        held_out_psnr(fit(kept, ball.surface.corners, first, tables, RULES), tested, ball.surface.corners)
+        for tables in (0, 1)
+    )
+    assert with_one > with_none + 1.0
+
+
+def test_the_matt_wall_needs_no_table(wall):
+    seen = wall.observe()
+    tables, psnr = choose_tables(seen, wall.surface, wall.points, 16, RULES)
+    assert len(psnr) == 3
+    assert tables == 0
+    few, none = choose_tables(seen, wall.surface, wall.points, 14, RULES)
+    assert (few, none) == (1, [])
+
+
+def test_observations_look_from_their_photos_and_carry_their_colours(ball):
+    seen = ball.observe()
+    inside = ball.photos.mask >= 0.5
+    assert 0.3 * inside.sum() < len(seen.where) <= 0.55 * inside.sum()
+    assert np.isfinite(seen.traits[:, :9]).all()
+    assert np.isnan(seen.traits[:, 9:]).all()  # not yet fitted
+    assert ((seen.traits[:, :5] >= 0) & (seen.traits[:, :5] <= 1)).all()
+    assert (seen.traits[:, 5] > 0).mean() > 0.99
+    # a convex ball mirrors next to nothing of itself
+    assert len(seen.met) < 0.01 * len(seen.where)
+    # what is nearest to a sample has about the median colour of all photos
+    first = first_colors(seen, ball.surface.corners, len(ball.points))
+    median = np.concatenate([each.color for each in ball.layers])
+    known = np.isfinite(first[:, 0]) & (np.concatenate([each.observers for each in ball.layers]) >= 6)
+    assert known.sum() > 300
+    assert np.median(np.abs(np.sqrt(first[known]) - np.sqrt(median[known]))) < 0.05
+
+
+def test_samples_are_observed_at_their_own_places(ball):
+    wanted = np.zeros(len(ball.points), bool)
+    wanted[::7] = True
+    seen = observe_texels(ball.surface, ball.points, wanted, ball.measured.caster, ball.photos, RULES.size)
+    weight = seen_weight(seen, ball.surface.corners, len(ball.points))
+    assert not weight[~wanted].any()
+    assert (weight[wanted] > 0).mean() > 0.5
+    assert seen.traits[:, 5].max() <= 0.6
+    none = observe_texels(ball.surface, ball.points, wanted & False, ball.measured.caster, ball.photos, RULES.size)
+    assert none is None
+    both = join([ball.observe(), seen])
+    assert len(both.where) == len(ball.observe().where) + len(seen.where)
+    photo = both.subset(np.arange(len(both.where))[::-1]).photo
+    np.testing.assert_array_equal(photo, both.photo[::-1])
+
+
+def test_subsets_keep_what_their_rays_meet(wall):
+    seen = wall.observe()
+    assert len(seen.met) > 0  # the ring before the wall mirrors in it
+    rng = np.random.default_rng(0)
+    chosen = rng.permutation(len(seen.where))[: len(seen.where) // 2]
+    part = seen.subset(chosen)
+    for number, where, traits in zip(part.met[:50], part.met_where, part.met_traits):
+        before = int(np.flatnonzero(seen.met == chosen[number])[0])
+        np.testing.assert_array_equal(where, seen.met_where[before])
+        np.testing.assert_array_equal(traits, seen.met_traits[before])
+    assert (np.diff(part.met) > 0).all()
+
+
+def test_photos_with_nan_are_refused(ball):
+    code = ball.photos.code.copy()
+    code[100, 1] = np.nan
+    with pytest.raises(CaptureError, match="NaN"):
+        ball.observe(replace(ball.photos, code=code))
+
+
+def test_clipped_photos_do_not_bound_the_light(ball):
+    top = np.float32(np.quantile(ball.photos.code, 0.9))
+    seen = ball.observe(replace(ball.photos, code=np.minimum(ball.photos.code, top)))
+    clipped = seen.traits[:, 6:9] < 0
+    assert clipped.any()
+    np.testing.assert_allclose(seen.traits[:, 6:9][clipped] ** 2, srgb_decode(top), rtol=1e-3)
+
+
+def test_missing_colours_come_from_the_same_side_of_a_thin_wall():
+    points = np.array([[0, 0, 0.0], [0, 0, 0.02], [0.1, 0, 0], [0.1, 0, 0.02], [1, 0, 0]])
+    normals = np.array([[0, 0, -1.0], [0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 0, 1]], np.float32)
+    color = np.array([[1, 0, 0], [0, 1, 0], [np.nan] * 3, [np.nan] * 3, [np.nan] * 3], np.float32)
+    filled = fill_colors(color, points, normals, 1.0)
+    assert filled[2, 0] > filled[2, 1]
+    assert filled[3, 1] > filled[3, 0]
+    np.testing.assert_array_equal(filled[:2], color[:2])
+    assert not fill_colors(np.full((2, 3), np.nan, np.float32), points[:2], normals[:2], 1.0).any()
