@@ -12,7 +12,7 @@ import numpy as np
 
 from ibrpipe.core.reflection.geometry import place_hits, reflect, search_rays
 from ibrpipe.core.reflection.model import TRAITS
-from ibrpipe.renderers.fields import Place
+from ibrpipe.renderers.fields import Pose
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.search.quadtree import Sheet
 from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame
@@ -69,14 +69,14 @@ def make_surface(scene: Scene, layers: Sequence[LayeredDepthImage]) -> Surface:
     records, colors = scene.records
     known = np.append(colors[:, 3] > 0, False)
     corners = np.where(known[records[:, 4:]], records[:, 4:], -1).astype(np.int32)
-    places = np.stack([matrix(field.place) for _, field in scene.patches])
+    places = np.stack([matrix(field.pose) for _, field in scene.patches])
     normals = np.concatenate([each.normal for each in layers])
     return Surface(records, corners, places, normals, scene.sheets, float(np.median([_texel(x) for x in layers])))
 
 
-def matrix(place: Place) -> Array:
+def matrix(pose: Pose) -> Array:
     """(4, 4) float64: homogeneous field coordinates from (X, 1)."""
-    return np.concatenate([place.linear, (place.shift - place.linear @ place.origin)[:, None]], axis=1)
+    return np.concatenate([pose.linear, (pose.shift - pose.linear @ pose.origin)[:, None]], axis=1)
 
 
 def _texel(layers: LayeredDepthImage) -> float:
@@ -127,5 +127,5 @@ def cast(surface: Surface, origins: Array, directions: Array) -> tuple[Array, Ar
     for sheet in surface.sheets:
         if sheet.box[2] <= sheet.box[3]:
             pyramid = (sheet.nodes, sheet.meta, sheet.grid)
-            search_rays(rays, matrix(sheet.place), sheet.box, pyramid, sheet.leaves, sheet.base, t, patches)
+            search_rays(rays, matrix(sheet.pose), sheet.box, pyramid, sheet.leaves, sheet.base, t, patches)
     return t, patches

@@ -12,7 +12,7 @@ from ibrpipe.core.color import srgb_decode
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
 from ibrpipe.progress import track
-from ibrpipe.renderers.ldi import find_hits
+from ibrpipe.renderers.ldi.renderer import find_hits
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.view_dependence.mirror import LIFT, Looks, Surface, look, meet_surface
 from ibrpipe.renderers.view_dependence.reflection import look_through
