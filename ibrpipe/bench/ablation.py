@@ -32,6 +32,7 @@ from ibrpipe.modelling.rectangles import passed
 from ibrpipe.modelling.view_dependence.coding import code
 from ibrpipe.modelling.view_dependence.sample_sets import Samples, assemble, uncoded
 from ibrpipe.modelling.view_dependence.spiral import ResidualsConfig, refine, sample
+from ibrpipe.modelling.view_dependence.spiral_plan import spiral_of
 from ibrpipe.modelling.view_dependence.work_units import Context, Sources, context_of, forget
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.view_dependence import spiral as residual_pass
@@ -52,7 +53,7 @@ def measure(run: Path, config: ResidualsConfig) -> list[Row]:
     """
     sources = Sources(run / "ingest/views.json", run / "geometry/mesh.ply", run / "plan/plan.json", run / "layers")
     context, views = context_of(sources), read_views(sources.views).test
-    wanted = [i for i, plan in enumerate(context.plans) if plan.residuals]
+    wanted = [i for i, plan in enumerate(context.plans) if plan.component("spiral")]
     if not views or not wanted:
         raise CaptureError(f"{run}: needs held-out views and a plan with residuals; set plan.residuals=always")
     with tempfile.TemporaryDirectory() as folder:
@@ -69,6 +70,7 @@ def _variants(
         refine(sources, found, scratch / "errors.npy", changed)
         return found
 
+    k = spiral_of(context.plans[wanted[0]]).k
     refined, published = build(), build(closed=False)
     raw = build(refine=0)
     files = {q: coded(context, refined, config, q, scratch) for q in (config.quality, 100)}
@@ -76,7 +78,11 @@ def _variants(
     exact = _on_mesh(context, _floats(context, refined, config.closed))
     return [
         ("added one by one", "lumigraph: four photos at every pixel, on the mesh", _lumigraph(context)),
-        ("added one by one", "four spiral directions instead of the exact one", _directions(context, config.closed)),
+        (
+            "added one by one",
+            "four spiral directions instead of the exact one",
+            _directions(context, k, config.closed),
+        ),
         (
             "added one by one",
             "residual and diffuse texels (double interpolation)",
@@ -175,12 +181,12 @@ def _lumigraph(context: Context) -> Shot:
     return lambda camera: np.asarray(render_ulr(camera, context.caster, context.photos).color)
 
 
-def _directions(context: Context, closed: bool) -> Shot:
+def _directions(context: Context, k: float, closed: bool) -> Shot:
     """Photos blended at the surface point for the four spiral directions around the view, without any texels.
 
-    Of all planned textures the one whose rectangle the view ray passes most steeply is asked.
+    Of all planned textures the one whose rectangle the view ray passes most steeply is asked; `k`: spiral density.
     """
-    alphas = {plan.k: directions.table(plan.k, closed) for plan in context.plans}
+    alphas = directions.table(k, closed)
 
     def shot(camera: Camera) -> Array:
         hits = context.caster.cast_camera(camera)
@@ -194,7 +200,7 @@ def _directions(context: Context, closed: bool) -> Shot:
         for which, plan in enumerate(context.plans):
             own = np.flatnonzero(owner == which)
             if len(own):
-                ways, weights = around(plan, alphas[plan.k], closed, toward[own])
+                ways, weights = around(plan, k, alphas, closed, toward[own])
                 found[own] = _mixed(context, points[own], normals[own], ways, weights)
         color = np.zeros((*hit.shape, 3), np.float32)
         color[hit] = srgb_decode(found)
@@ -203,15 +209,15 @@ def _directions(context: Context, closed: bool) -> Shot:
     return shot
 
 
-def around(plan: TexturePlan, alphas: Array, closed: bool, toward: Array) -> tuple[Array, Array]:
+def around(plan: TexturePlan, k: float, alphas: Array, closed: bool, toward: Array) -> tuple[Array, Array]:
     """World directions (N, 4, 3) and weights (N, 4) of the spiral samples around unit directions (N, 3)."""
     frame = plan.rectangle.edges
     basis = np.stack([frame.a / np.linalg.norm(frame.a), frame.b / np.linalg.norm(frame.b), -frame.f])
-    limit, closing = (directions.LIMIT, directions.closing_count(plan.k)) if closed else (np.pi / 2, 0)
+    limit, closing = (directions.LIMIT, directions.closing_count(k)) if closed else (np.pi / 2, 0)
     indices, weights = np.zeros((len(toward), 4), np.int64), np.zeros((len(toward), 4))
     for i, (x, y, z) in enumerate(toward @ basis.T):
-        neighbours(x, y, z, alphas, 0, len(alphas), plan.k, limit, closing, indices[i], weights[i])
-    return (directions.directions(alphas, plan.k, limit) @ basis)[indices], weights
+        neighbours(x, y, z, alphas, 0, len(alphas), k, limit, closing, indices[i], weights[i])
+    return (directions.directions(alphas, k, limit) @ basis)[indices], weights
 
 
 def _mixed(context: Context, points: Array, normals: Array, ways: Array, weights: Array) -> Array:

@@ -21,7 +21,7 @@ from ibrpipe.modelling.appearance import (
     sampling_density,
 )
 from ibrpipe.modelling.frusta import Frustum, covered_share, cube_frusta, greedy_frusta
-from ibrpipe.modelling.plan_file import Reason, TexturePlan, reason
+from ibrpipe.modelling.plan_file import PlannedComponent, TexturePlan, Told, reason
 from ibrpipe.modelling.rectangles import (
     Rectangle,
     RectangleConfig,
@@ -31,6 +31,7 @@ from ibrpipe.modelling.rectangles import (
     distinct,
     sized,
 )
+from ibrpipe.modelling.view_dependence.spiral_plan import SpiralPlan
 
 #: spiral densities to choose from; coarser ones lose highlights (1/16 costs 0.7 dB on photos 22 degrees apart)
 DENSITIES = (1 / 24, 1 / 32)
@@ -85,10 +86,13 @@ class PlanConfig(StageConfig):
     residual_scale: float = Field(
         0.75, gt=0, le=4, description="Texels of a residual image per texel of the layers, along each edge"
     )
+    components: tuple[PlannedComponent, ...] = Field(
+        (), description="Further kinds of view dependence, each with its settings, that every texture gets"
+    )
     samples: int = Field(40_000, ge=1000, description="Surface points that are measured")
 
 
-def place(config: PlanConfig, caster: MeshCaster, texel: float, seed: int = 0) -> tuple[list[Rectangle], list[Reason]]:
+def place(config: PlanConfig, caster: MeshCaster, texel: float, seed: int = 0) -> tuple[list[Rectangle], list[Told]]:
     """Place the textures: by the user's hand, on the faces of the bounding box, or as perspective images round it."""
     if config.rectangles or config.frusta:
         by_hand = [sized(rectangle, texel) for rectangle in config.rectangles]
@@ -113,13 +117,13 @@ def place(config: PlanConfig, caster: MeshCaster, texel: float, seed: int = 0) -
 
 def _with_frusta(
     rectangles: list[Rectangle], frusta: Sequence[Frustum], why: str, caster: MeshCaster, texel: float
-) -> tuple[list[Rectangle], list[Reason]]:
+) -> tuple[list[Rectangle], list[Told]]:
     placed = [*rectangles, *(before_surface(f"map {k:02d}", each, caster, texel) for k, each in enumerate(frusta))]
     sizes = [f"{each.width} x {each.height}" for each in placed]
     return placed, [reason("rectangles", len(placed), why, texels=sizes)]
 
 
-def drop_unseen(rectangles: Sequence[Rectangle], surface: SurfaceSample) -> tuple[list[Rectangle], list[Reason]]:
+def drop_unseen(rectangles: Sequence[Rectangle], surface: SurfaceSample) -> tuple[list[Rectangle], list[Told]]:
     """Leave out rectangles whose own surface no photo sees."""
     cosines = np.stack([r.facing(surface.points, surface.normals) for r in rectangles], axis=1)
     owner = np.where(cosines.max(axis=1) > 0, cosines.argmax(axis=1), -1)
@@ -137,7 +141,7 @@ def drop_unseen(rectangles: Sequence[Rectangle], surface: SurfaceSample) -> tupl
     return kept, reasons
 
 
-def count_layers(rectangle: Rectangle, caster: MeshCaster, limit: int) -> tuple[int, Reason]:
+def count_layers(rectangle: Rectangle, caster: MeshCaster, limit: int) -> tuple[int, Told]:
     """Choose layers so that 99.9 % of front-facing samples are kept; measured on every fourth texel row and column."""
     origins, directions = rectangle.rays()
     grid = np.arange(rectangle.height * rectangle.width).reshape(rectangle.height, rectangle.width)[::4, ::4].ravel()
@@ -154,7 +158,7 @@ def count_layers(rectangle: Rectangle, caster: MeshCaster, limit: int) -> tuple[
     return choice, reason(f"layers of {rectangle.name}", choice, why, texels_with_at_least=share)
 
 
-def choose_residuals(name: str, found: Appearance, config: PlanConfig) -> tuple[bool, Reason]:
+def choose_residuals(name: str, found: Appearance, config: PlanConfig) -> tuple[bool, Told]:
     """Decide by left-out photos whether view dependence is worth modelling."""
     figures = found.as_json()
     if config.residuals != "auto":
@@ -186,7 +190,7 @@ def choose_residuals(name: str, found: Appearance, config: PlanConfig) -> tuple[
     return choice, reason(f"residuals of {name}", choice, why, **figures)
 
 
-def choose_k(config: PlanConfig, photos: PhotoSet, center: np.ndarray) -> tuple[float, Reason]:
+def choose_k(config: PlanConfig, photos: PhotoSet, center: np.ndarray) -> tuple[float, Told]:
     """Choose the coarsest density of `DENSITIES` whose pitch is no wider than the angle between photos."""
     spacing = photo_spacing(photos, center)
     if config.k is not None:
@@ -199,7 +203,7 @@ def choose_k(config: PlanConfig, photos: PhotoSet, center: np.ndarray) -> tuple[
     return k, reason("k", round(k, 6), why, photo_spacing_deg=round(spacing, 2))
 
 
-def choose_texel(config: PlanConfig, surface: SurfaceSample, photos: PhotoSet) -> tuple[float, Reason]:
+def choose_texel(config: PlanConfig, surface: SurfaceSample, photos: PhotoSet) -> tuple[float, Told]:
     """Choose the texel from the photos' own sampling density on the surface."""
     density = sampling_density(surface, photos)
     figures = {"photo_pixels_per_unit": {"median": round(density[0], 3), "densest_tenth": round(density[1], 3)}}
@@ -212,7 +216,7 @@ def choose_texel(config: PlanConfig, surface: SurfaceSample, photos: PhotoSet) -
 
 def make_plan(
     caster: MeshCaster, photos: PhotoSet, config: PlanConfig, seed: int
-) -> tuple[list[TexturePlan], list[Reason]]:
+) -> tuple[list[TexturePlan], list[Told]]:
     """Measure the capture and decide; returns the textures and the reasons.
 
     Raises
@@ -237,5 +241,6 @@ def make_plan(
         layers, why_layers = count_layers(rectangle, caster, config.max_layers)
         residuals, why_residuals = choose_residuals(rectangle.name, measured, config)
         reasons += [why_layers, why_residuals]
-        plans.append(TexturePlan(rectangle, config.max_angle, layers, residuals, k, config.residual_scale))
+        spiral = (SpiralPlan(k=k, residual_scale=config.residual_scale),) if residuals else ()
+        plans.append(TexturePlan(rectangle, config.max_angle, layers, (*spiral, *config.components)))
     return plans, reasons

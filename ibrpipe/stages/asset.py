@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,11 @@ from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.assets import INDEX, AssetIndex, TextureEntry, write_index
 from ibrpipe.io.components import Component
-from ibrpipe.io.residuals import NAME
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.plan_file import read_plan
+from ibrpipe.modelling.view_dependence.residuals_file import Figures, ResidualsFigures, measured, read_document
+
+LAYERS = "layers.exr"
 
 
 class AssetConfig(StageConfig):
@@ -54,29 +57,39 @@ def run(inputs: Inputs, config: AssetConfig) -> Outputs:
     """
     plans, views = read_plan(inputs.plan), read_views(inputs.views)
     layers = json.loads((inputs.layers / "layers.json").read_text(encoding="utf-8"))["textures"]
-    residuals = json.loads((inputs.residuals / "residuals.json").read_text(encoding="utf-8"))["textures"]
-    by_texture = {figure["texture"]: figure for figure in residuals}
-    entries = [_entry(inputs, i, layers[i], by_texture.get(i)) for i in range(len(plans))]
+    fitted = read_document(inputs.residuals)
+    entries = [_entry(inputs, i, layers[i], fitted.of_texture(i)) for i in range(len(plans))]
+    _copy(inputs, fitted.shared)
     provenance = {
         "photos": [view.name for view in views.train],
         "held_out": [view.name for view in views.test],
         "reasons": json.loads(inputs.plan.read_text(encoding="utf-8"))["reasons"],
     }
-    write_index(AssetIndex(units=config.units, textures=entries, provenance=provenance), inputs.out)
+    index = AssetIndex(units=config.units, textures=entries, shared=fitted.shared, provenance=provenance)
+    write_index(index, inputs.out)
     return Outputs.below(inputs.out)
 
 
-def _entry(inputs: Inputs, index: int, layers: dict[str, Any], residuals: dict[str, Any] | None) -> TextureEntry:
+def _entry(inputs: Inputs, index: int, layers: dict[str, Any], fitted: Sequence[Figures]) -> TextureEntry:
+    """Copy the files of one texture and return its entry."""
     name = f"texture_{index:02d}"
-    folder = inputs.out / name
-    folder.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(inputs.layers / name / "layers.exr", folder / "layers.exr")
-    components = []
-    if residuals is not None:
-        shutil.copyfile(inputs.residuals / name / NAME, folder / NAME)
-        components.append(Component(kind="spiral", file=f"{name}/{NAME}"))
-    measured = {"layers": layers, "residuals": residuals}
-    return TextureEntry(name=layers["name"], layers=f"{name}/layers.exr", components=components, measured=measured)
+    (inputs.out / name).mkdir(parents=True, exist_ok=True)
+    refitted = inputs.residuals / name / LAYERS  # where a component replaces the diffuse colours
+    shutil.copyfile(refitted if refitted.is_file() else inputs.layers / name / LAYERS, inputs.out / name / LAYERS)
+    components = [figures.component for figures in fitted]
+    _copy(inputs, components)
+    told: dict[str, Any] = {"layers": layers, "residuals": None}
+    for figures in fitted:
+        spiral = isinstance(figures, ResidualsFigures)
+        told["residuals" if spiral else figures.component.kind] = measured(figures)
+    return TextureEntry(name=layers["name"], layers=f"{name}/{LAYERS}", components=components, measured=told)
+
+
+def _copy(inputs: Inputs, components: Sequence[Component]) -> None:
+    """Copy the files of components from the residuals stage's folder."""
+    for path in (path for component in components for path in component.paths):
+        (inputs.out / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(inputs.residuals / path, inputs.out / path)
 
 
 STAGE = Stage(

@@ -49,7 +49,7 @@ def run(inputs: Inputs, config: LayersConfig) -> Outputs:
     caster = MeshCaster(read_mesh(inputs.mesh))
     photos = load_photos(views.train, caster)
     built = [build_layers(which, plans, caster, photos, config) for which in track(range(len(plans)), "layers")]
-    layered, plain = [layers for layers, _ in built], [not plan.residuals for plan in plans]
+    layered, plain = [layers for layers, _ in built], [not plan.components for plan in plans]
     rectangles, statistic = [plan.rectangle for plan in plans], STATISTICS[config.statistic]
     sharp, psnr = sharpen(rectangles, layered, plain, caster, photos, config.sharpen, statistic)
     figures = []

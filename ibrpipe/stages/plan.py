@@ -7,12 +7,11 @@ from pathlib import Path
 
 from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
-from ibrpipe.engine.documents import Plan as PlanDocument
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.frusta import write_frusta
-from ibrpipe.modelling.plan_file import write_plan
+from ibrpipe.modelling.plan_file import Plan, write_plan
 from ibrpipe.modelling.planning import PlanConfig, make_plan
 
 
@@ -30,7 +29,7 @@ class Inputs:
 class Outputs(StageOutputs):
     """`plan.json`: textures, and the reason for every choice; `frusta.yaml` where there are perspective images."""
 
-    plan: Path = artifact("plan.json", "plan.json of the plan stage.", PlanDocument)
+    plan: Path = artifact("plan.json", "plan.json of the plan stage.", Plan)
     frusta: Path | None = artifact("frusta.yaml", "Frusta of the perspective images.", optional=True)
 
 

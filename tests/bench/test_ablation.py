@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,19 +43,19 @@ def test_the_table_measures_every_loss(run_folder: Path, capsys: pytest.CaptureF
 def test_directions_and_weights_bracket_the_view(run_folder: Path) -> None:
     from ibrpipe.core.spiral import directions
 
-    texture = replace(read_plan(run_folder / "plan/plan.json")[0], k=1 / 24)
+    texture, k = read_plan(run_folder / "plan/plan.json")[0], 1 / 24
     rng = np.random.default_rng(1)
     toward = rng.normal(size=(200, 3)) * 0.4 - 2.0 * texture.rectangle.f
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
-    ways, weights = around(texture, directions.table(texture.k, True), True, toward)
+    ways, weights = around(texture, k, directions.table(k, True), True, toward)
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(ways, axis=2), 1.0, atol=1e-12)
     mean = (ways * weights[:, :, None]).sum(axis=1)
     cosine = (mean * toward).sum(axis=1) / np.linalg.norm(mean, axis=1)
     pitch = np.arccos(np.clip(toward @ -texture.rectangle.f, -1, 1))
-    far = pitch > 2 * np.pi * texture.k  # past the first turn the four lie on either side
+    far = pitch > 2 * np.pi * k  # past the first turn the four lie on either side
     assert far.sum() > 30
-    assert np.degrees(np.arccos(cosine[far])).max() < 0.36 * 360 * texture.k
+    assert np.degrees(np.arccos(cosine[far])).max() < 0.36 * 360 * k
 
 
 def test_differences_are_to_the_row_before_or_to_the_asset() -> None:

@@ -23,7 +23,7 @@ def wall(measured):
     vertices = lambert.caster.mesh.vertices
     half = np.ptp(vertices, axis=0) / 2
     faces = box_faces(vertices.min(axis=0) + half, np.eye(3), half, 0.08)
-    plans = [TexturePlan(face, 60.0, 8, False, 1 / 16, 0.6) for face in faces]
+    plans = [TexturePlan(face, 60.0, 8) for face in faces]
     exact = LayersConfig(depth_bits=32, color_bits=16)
     built = [build_layers(i, plans, lambert.caster, lambert.photos, exact)[0] for i in range(len(plans))]
     return lambert, faces, built

@@ -28,7 +28,7 @@ EYE = RectangleConfig(name="eye", origin=(-0.8, -2, 0.8), u=(1.6, 0, 0), v=(0, 0
 def plans_around(measured, texel=0.08, max_angle=70.0, max_layers=16):
     _, axes, half = None, np.eye(3), np.ptp(measured.caster.mesh.vertices, axis=0) / 2
     center = measured.caster.mesh.vertices.min(axis=0) + half
-    return [TexturePlan(f, max_angle, max_layers, False, 1 / 16, 0.6) for f in box_faces(center, axes, half, texel)]
+    return [TexturePlan(f, max_angle, max_layers) for f in box_faces(center, axes, half, texel)]
 
 
 def points_of(rectangle, layers):
@@ -160,7 +160,7 @@ def test_diffuse_colour_of_a_matt_scene_is_the_true_one(measured, statistic):
 def test_a_users_perspective_rectangle_from_plan_to_picture(measured, tmp_path):
     ball = measured("ball")
     rectangle = sized(EYE, 0.05)
-    write_plan([TexturePlan(rectangle, 70.0, 4, False, 1 / 16, 0.6)], [], tmp_path / "plan.json")
+    write_plan([TexturePlan(rectangle, 70.0, 4)], [], tmp_path / "plan.json")
     views = ball.folder
     done = run(Inputs(views / "views.json", views / "mesh.ply", tmp_path / "plan.json", tmp_path), LayersConfig())
     layers = read_layers(done.layers / "texture_00" / "layers.exr")
@@ -203,7 +203,7 @@ def test_run_writes_layers_and_their_figures_the_same_every_time(measured, tmp_p
 def test_a_rectangle_that_faces_nothing_is_an_empty_image(measured):
     ball = measured("ball")
     far = sized(RectangleConfig(name="far", origin=(9, 9, 9), u=(1, 0, 0), v=(0, 1, 0), texel=0.5), 0.5)
-    plan = TexturePlan(far, 70.0, 4, False, 1 / 16, 0.6)
+    plan = TexturePlan(far, 70.0, 4)
     layers, figures = build_layers(0, [plan], ball.caster, ball.photos, LayersConfig())
     assert len(layers.depth) == 0
     assert (figures["samples"], figures["seen_share"], figures["depth_range"]) == (0, 0.0, None)

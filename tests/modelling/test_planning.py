@@ -33,7 +33,7 @@ def plans(measured):
 
 def test_a_matt_scene_gets_no_residuals_and_the_reason_is_written(plans):
     textures, reasons = plans["lambert"]
-    assert not any(texture.residuals for texture in textures)
+    assert not any(texture.components for texture in textures)
     for texture in textures:
         entry = reasons[f"residuals of {texture.rectangle.name}"]
         assert entry["choice"] is False
@@ -46,7 +46,7 @@ def test_a_matt_scene_gets_no_residuals_and_the_reason_is_written(plans):
 
 def test_a_glossy_scene_gets_residuals(plans):
     textures, reasons = plans["glossy"]
-    modelled = [texture.rectangle.name for texture in textures if texture.residuals]
+    modelled = [texture.rectangle.name for texture in textures if texture.component("spiral")]
     assert len(modelled) >= 3  # of the five that are looked through; 14 photos cannot tell for all of them
     assert reasons["residuals of -z"]["measured"]["blocks"] == 0  # no photo looks up through the bottom
     assert "-z" not in modelled
@@ -74,7 +74,7 @@ def test_a_surface_that_is_slightly_off_is_not_taken_for_gloss(measured):
 
 def test_gloss_is_hardly_explained_by_misplaced_colours(plans):
     for texture in plans["glossy"][0]:
-        if texture.residuals:
+        if texture.component("spiral"):
             figures = plans["glossy"][1][f"residuals of {texture.rectangle.name}"]["measured"]
             assert figures["diffuse_codes"] > figures["beyond_shift_codes"] > 0.4 * figures["diffuse_codes"]
 
@@ -139,7 +139,7 @@ def test_settings_overrule_the_measurement(measured):
     config = PlanConfig(samples=4000, texel=0.1, k=1 / 24, residuals="never", max_layers=1, rectangles=(FRONT,))
     (texture,), reasons = make_plan(ball.caster, ball.photos, config, 0)
     assert (texture.rectangle.width, texture.rectangle.height) == (32, 24)
-    assert (texture.k, texture.residuals, texture.max_layers) == (1 / 24, False, 1)
+    assert (by_name(reasons)["k"]["choice"], texture.components, texture.max_layers) == (round(1 / 24, 6), (), 1)
     for what in ("texel", "k", "residuals of front"):
         assert by_name(reasons)[what]["reason"] == "set by the pipeline file"
 

@@ -45,11 +45,11 @@ def test_the_index_tells_what_was_made(made):
     assert len(index.provenance["held_out"]) == 3
     assert index.provenance["reasons"] == json.loads((folder / "plan" / "plan.json").read_text())["reasons"]
     assert [t.name for t in index.textures] == [p.rectangle.name for p in plans]
-    assert [bool(t.components) for t in index.textures] == [p.residuals for p in plans]
-    assert any(p.residuals for p in plans)
+    assert [bool(t.components) for t in index.textures] == [bool(p.components) for p in plans]
+    assert any(p.components for p in plans)
     for entry, planned in zip(index.textures, plans):
         assert entry.measured["layers"]["name"] == entry.name
-        assert (entry.measured["residuals"] is not None) == planned.residuals
+        assert (entry.measured["residuals"] is not None) == bool(planned.components)
 
 
 def test_files_are_copied_whole(made):

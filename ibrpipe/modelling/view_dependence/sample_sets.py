@@ -12,6 +12,7 @@ from ibrpipe.core.spiral.marks import mark_images
 from ibrpipe.engine.memory_map import hand_back
 from ibrpipe.modelling.plan_file import TexturePlan
 from ibrpipe.modelling.view_dependence.spiral_images import spiral_images
+from ibrpipe.modelling.view_dependence.spiral_plan import spiral_of
 from ibrpipe.modelling.view_dependence.work_units import Context
 from ibrpipe.renderers.view_dependence import spiral
 from ibrpipe.types import Array, SpiralResiduals, SpiralTexture
@@ -74,7 +75,8 @@ def assemble(
         sizes[~wanted] = 0
     starts = np.concatenate([[0], np.cumsum(sizes.astype(np.int64).prod(axis=1))])
     directions = np.stack([image.direction for image in images])
-    return SpiralResiduals(plan.rectangle.edges, plan.k, alphas, directions, sizes, starts, texels, valid, zero, closed)
+    k = spiral_of(plan).k
+    return SpiralResiduals(plan.rectangle.edges, k, alphas, directions, sizes, starts, texels, valid, zero, closed)
 
 
 def in_batches(

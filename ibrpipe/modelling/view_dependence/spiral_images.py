@@ -14,6 +14,7 @@ import numpy as np
 from ibrpipe.core.spiral import directions as spiral
 from ibrpipe.embree import MeshCaster
 from ibrpipe.modelling.plan_file import TexturePlan
+from ibrpipe.modelling.view_dependence.spiral_plan import spiral_of
 from ibrpipe.types import Array, ParallelFrame
 
 #: texels whose rays are cast together, about
@@ -54,13 +55,14 @@ class Surface:
 
 def spiral_images(plan: TexturePlan, closed: bool) -> tuple[Array, list[SpiralImage]]:
     """Return the spiral's alphas (n,) and one image per direction, sized by the repaired scale factors (eq. 6)."""
-    alphas = spiral.table(plan.k, closed)
-    directions = spiral.directions(alphas, plan.k, spiral.LIMIT if closed else np.pi / 2)
+    planned = spiral_of(plan)
+    alphas = spiral.table(planned.k, closed)
+    directions = spiral.directions(alphas, planned.k, spiral.LIMIT if closed else np.pi / 2)
     images = []
     for direction in directions:
         rx, ry = spiral.scale_factors(direction)
-        width = max(1, round(plan.rectangle.width * plan.residual_scale * rx))
-        height = max(1, round(plan.rectangle.height * plan.residual_scale * ry))
+        width = max(1, round(plan.rectangle.width * planned.residual_scale * rx))
+        height = max(1, round(plan.rectangle.height * planned.residual_scale * ry))
         images.append(SpiralImage(direction, height, width))
     return alphas, images
 

@@ -23,6 +23,7 @@ from ibrpipe.modelling.view_dependence.coding import code
 from ibrpipe.modelling.view_dependence.sample_sets import Samples, in_batches, uncoded
 from ibrpipe.modelling.view_dependence.spiral import ResidualsConfig, sample
 from ibrpipe.modelling.view_dependence.spiral_images import SpiralImage, chunks, spiral_images
+from ibrpipe.modelling.view_dependence.spiral_plan import spiral_of
 from ibrpipe.modelling.view_dependence.work_units import Sources, context_of, forget, sample_images
 from ibrpipe.stages import ingest, layers, plan, residuals
 from ibrpipe.types import SpiralTexture
@@ -197,7 +198,9 @@ def test_the_published_spiral_has_fewer_images(sources: Sources) -> None:
     texture = read_plan(sources.plan)[0]
     closed, published = (spiral_images(texture, which) for which in (True, False))
     assert len(closed[1]) == len(closed[0]) > len(published[0])
-    finer = spiral_images(replace(texture, residual_scale=2 * texture.residual_scale), True)[1]
+    planned = spiral_of(texture)
+    doubled = planned.model_copy(update={"residual_scale": 2 * planned.residual_scale})
+    finer = spiral_images(replace(texture, components=(doubled,)), True)[1]
     assert finer[0].texels == pytest.approx(4 * closed[1][0].texels, rel=0.05)
 
 
