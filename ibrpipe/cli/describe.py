@@ -132,12 +132,13 @@ def _run(path: Path) -> Facts:
 
 
 def _asset(path: Path) -> Facts:
-    from ibrpipe.io.assets import read_index
+    from ibrpipe.io.assets import bytes_by_kind, read_index
 
     index = read_index(path)
     facts: Facts = {"kind": "asset", "path": str(path), "bytes": bytes_below(path)}
     facts |= {"generator": index.generator, "units": index.units, "color_space": index.color_space}
     facts["photos"] = len(index.provenance.get("photos", []))
+    facts["view_dependence_bytes"] = bytes_by_kind(index, path)
     return facts | {"textures": {entry.name: _texture(path, entry) for entry in index.textures}}
 
 

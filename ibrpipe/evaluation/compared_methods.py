@@ -13,7 +13,7 @@ from ibrpipe.evaluation.timing import Draw, Way
 from ibrpipe.io.frames import Frames
 from ibrpipe.io.views import View
 from ibrpipe.renderers.api import Prepared
-from ibrpipe.renderers.registry import find_renderer
+from ibrpipe.renderers.registry import shows_view_dependence
 from ibrpipe.renderers.renderer_spec import Choice, choose
 from ibrpipe.types import Asset, Camera, Frame
 
@@ -49,7 +49,7 @@ def make_contest(asset: Asset, frames: Frames, caster: MeshCaster, photos: Photo
     choices = {name: choose(name) for name in frames.renderers}
     prepared = {name: ibrpipe.prepare(asset, choice.name) for name, choice in choices.items()}
     first = frames.renderers[0]
-    ready, diffuse = prepared[first], _without_residuals(choices[first])
+    ready, diffuse = prepared[first], _without_view_dependence(choices[first])
     return Contest(
         renderers={name: _frame_of(frames, choice, prepared[name]) for name, choice in choices.items()},
         baselines={
@@ -66,8 +66,8 @@ def make_contest(asset: Asset, frames: Frames, caster: MeshCaster, photos: Photo
     )
 
 
-def _without_residuals(choice: Choice) -> Choice:
-    if "residuals" not in find_renderer(choice.name).Options.model_fields:
+def _without_view_dependence(choice: Choice) -> Choice:
+    if not shows_view_dependence(choice.name):
         return choice
     return replace(choice, options={**choice.options, "residuals": False})
 

@@ -113,6 +113,9 @@ class MetricsModel(Document):
         description="Where the true surface comes from and how it was placed, or why nothing was measured; null = none",
     )
     bytes: dict[str, int] = Field(description="Sizes on disk: asset and its parts, photos, masks, mesh")
+    view_dependence: dict[str, int] = Field(
+        default={}, description="Sizes on disk of every kind of view dependence, together the residuals of `bytes`"
+    )
     seconds: dict[str, float] = Field(description="Seconds by stage, from the stages' manifests")
     machine: Machine
     protocol: Protocol

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from ibrpipe.io.assets import bytes_by_kind, read_index
 from ibrpipe.io.manifest import NAME, read_manifest
 from ibrpipe.io.views import View
 
@@ -12,21 +13,26 @@ from ibrpipe.io.views import View
 def bytes_of(asset: Path, photos: Sequence[View], mesh: Path) -> dict[str, int]:
     """Return the sizes of the asset, its parts, and what it was made from.
 
-    Keys: ``asset`` (all of its files), ``layers``, ``residuals`` and ``asset_other`` (its parts by file name),
-    ``photos`` (the training photos' files as they came), ``masks``, ``mesh``.
+    Keys: ``asset`` (all of its files), ``layers``, ``residuals`` (view dependence of all kinds) and ``asset_other``
+    (its parts), ``photos`` (the training photos' files as they came), ``masks``, ``mesh``.
     """
-    parts = {"layers": 0, "residuals": 0, "asset_other": 0}
-    for path in asset.rglob("*"):
-        if path.is_file() and path.name != NAME:
-            kind = path.name.split(".")[0].split("_")[0]
-            parts[kind if kind in parts else "asset_other"] += path.stat().st_size
+    whole = _total(path for path in asset.rglob("*") if path.name != NAME)
+    layers = _total(asset / texture.layers for texture in read_index(asset).textures)
+    residuals = sum(view_dependence_bytes(asset).values())
     return {
-        "asset": sum(parts.values()),
-        **parts,
+        "asset": whole,
+        "layers": layers,
+        "residuals": residuals,
+        "asset_other": whole - layers - residuals,
         "photos": _total(view.image for view in photos),
         "masks": _total(view.mask for view in photos if view.mask is not None),
         "mesh": _total([mesh]),
     }
+
+
+def view_dependence_bytes(asset: Path) -> dict[str, int]:
+    """Return the bytes of every kind of view dependence in an asset folder; empty = it has none."""
+    return bytes_by_kind(read_index(asset), asset)
 
 
 def seconds_of(run: Path | None, own: str) -> dict[str, float]:

@@ -85,6 +85,11 @@ def registered() -> dict[str, AnyRenderer]:
     return found
 
 
+def shows_view_dependence(name: str) -> bool:
+    """Say whether the renderer called `name` draws view dependence and can be asked not to (option `residuals`)."""
+    return "residuals" in find_renderer(name).Options.model_fields
+
+
 def _loaded(name: str) -> AnyRenderer:
     known = _known[name]
     if isinstance(known, str):

@@ -27,7 +27,7 @@ from ibrpipe.evaluation.metrics import GeometryScores, MetricsModel, Scores, Vie
 from ibrpipe.evaluation.protocol import make_protocol
 from ibrpipe.evaluation.report import ViewPictures, draw_view, read_sources, write_report
 from ibrpipe.evaluation.report.surface_pictures import SurfacePictures, draw_surface
-from ibrpipe.evaluation.sizes import bytes_of, seconds_of
+from ibrpipe.evaluation.sizes import bytes_of, seconds_of, view_dependence_bytes
 from ibrpipe.evaluation.timing import time_ways, timed_size
 from ibrpipe.io.frames import read_frames
 from ibrpipe.io.surfaces.meshes import read_mesh, read_vertex_values
@@ -127,6 +127,7 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
         geometry=geometry,
         geometry_truth=None if truth is None else truth.told,
         bytes=bytes_of(inputs.asset, views.train, inputs.mesh),
+        view_dependence=view_dependence_bytes(inputs.asset),
         seconds={**seconds_of(inputs.run, STAGE.name), STAGE.name: perf_counter() - began},
         machine=describe_machine(),
         protocol=make_protocol(cameras[0], config.timing_repeats, len(cameras), config.highlight_threshold),

@@ -22,7 +22,7 @@ from ibrpipe.io.video import write_video
 from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
-from ibrpipe.renderers.registry import find_renderer
+from ibrpipe.renderers.registry import shows_view_dependence
 from ibrpipe.renderers.renderer_spec import Choice, choose
 from ibrpipe.types import Array, Asset, Camera
 from ibrpipe.types.relief_mesh import ReliefMesh
@@ -141,8 +141,7 @@ def _render_all(
     """Render and write all frames of one renderer; return their entries of frames.json."""
     renderer = choice.name
     prepared = prepare(asset, renderer)
-    takes_residuals = "residuals" in find_renderer(renderer).Options.model_fields
-    options = ({"residuals": config.residuals} if takes_residuals else {}) | dict(choice.options)
+    options = ({"residuals": config.residuals} if shows_view_dependence(renderer) else {}) | dict(choice.options)
     render(prepared, path[0][1].resized(8, 8), renderer, config.outputs, **options)  # compiles, outside the timer
     entries = []
     for name, camera in track(path, f"render {choice.text}"):

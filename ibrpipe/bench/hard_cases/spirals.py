@@ -12,8 +12,8 @@ from ibrpipe.bench.hard_cases.frames import ALIKE, Spot, plain_cell, render_twic
 from ibrpipe.bench.hard_cases.posed import finite
 from ibrpipe.bench.hard_cases.results import Cell, Figures, Limits
 from ibrpipe.bench.settings import Setting
-from ibrpipe.renderers.registry import find_renderer
-from ibrpipe.types import Array, Camera, Texture
+from ibrpipe.renderers.registry import shows_view_dependence
+from ibrpipe.types import Array, Camera
 from ibrpipe.types.renderable import GridSource
 
 #: largest error of view-dependent colour, in 8-bit codes of linear light
@@ -30,7 +30,7 @@ def spiral_cells(
         wanted = expected(texture, camera)
         for setting in settings:
             spots = [Spot(case, setting.label, dtype, bits) for bits in depths]
-            if not _shows_residuals(setting):
+            if not shows_view_dependence(setting.renderer):
                 cells += [
                     plain_cell(spot, "not applicable", message="shows no view-dependent colour") for spot in spots
                 ]
@@ -41,11 +41,6 @@ def spiral_cells(
                 else:
                     cells.append(plain_cell(spot, "not applicable", message=ALIKE))
     return cells
-
-
-def _shows_residuals(setting: Setting) -> bool:
-    chosen = find_renderer(setting.renderer)
-    return Texture in chosen.accepts and "residuals" in chosen.Options.model_fields
 
 
 def _spiral_cell(spot: Spot, setting: Setting, texture: GridSource, camera: Camera, wanted: Array) -> Cell:

@@ -69,7 +69,7 @@ def render_page(
         verdict=words.verdict(metrics),
         plot=Markup(speed_error_plot(metrics)),
         rows=_rows(metrics),
-        parts=_bars({PARTS[name]: count for name, count in metrics.bytes.items() if name in PARTS and count}),
+        parts=_bars(_parts(metrics)),
         seconds=_bars(metrics.seconds),
         total_seconds=sum(metrics.seconds.values()),
         heat=_gradient(heat_colors()),
@@ -81,6 +81,18 @@ def render_page(
         pale="rgb({}, {}, {})".format(*PALE),
         gain=GAIN,
     )
+
+
+def _parts(metrics: MetricsModel) -> dict[str, int]:
+    """Return what takes bytes by its name; view dependence by kind, too, where there are several kinds."""
+    kinds = metrics.view_dependence if len(metrics.view_dependence) > 1 else {}
+    found: dict[str, int] = {}
+    for name, count in metrics.bytes.items():
+        if name in PARTS and count:
+            found[PARTS[name]] = count
+        if name == "residuals":
+            found |= {f"of these {kind}": each for kind, each in kinds.items()}
+    return found
 
 
 def _rows(metrics: MetricsModel) -> list[dict[str, Any]]:

@@ -60,6 +60,11 @@ def plain(value: Any) -> str:
     return NONE if value is None else str(value)
 
 
+def view_dependence(metrics: MetricsModel) -> int:
+    """Return the bytes of all view dependence of the asset; 0 = it has none."""
+    return metrics.bytes.get("residuals", 0)
+
+
 def cards(metrics: MetricsModel) -> list[Card]:
     """Return the headline figures."""
     mean, ulr, diffuse, mesh = metrics.mean, *(metrics.baselines[name] for name in ("ulr", "diffuse", "mesh"))
@@ -108,14 +113,14 @@ def _error(metrics: MetricsModel) -> str:
         relation = f"{abs(gap):.2f} dB {'more than' if gap >= 0 else 'less than'}"
         parts.append(f"{relation} blending the four best photos anew at every pixel ({number(ulr.psnr, 2)} dB)")
     gain = _difference(mean.psnr, diffuse.psnr)
-    if gain is not None and metrics.bytes.get("residuals", 0):
+    if gain is not None and view_dependence(metrics):
         parts.append(f"{abs(gain):.2f} dB {'more' if gain >= 0 else 'less'} than its diffuse colours alone")
     covered = "" if mean.coverage is None else f" It covers {100 * mean.coverage:.2f} % of the mask."
     return f"{parts[0]}{': ' if parts[1:] else ''}{', and '.join(parts[1:])}.{covered}"
 
 
 def _highlights(metrics: MetricsModel) -> str:
-    if not metrics.bytes.get("residuals", 0):
+    if not view_dependence(metrics):
         return "The plan found no view dependence worth its bytes: the asset holds no residuals."
     mean, diffuse, ulr = metrics.mean, metrics.baselines["diffuse"], metrics.baselines["ulr"]
     gain = _difference(mean.psnr_highlight, diffuse.psnr_highlight)
@@ -136,7 +141,7 @@ def _weight(metrics: MetricsModel) -> str:
     asset, photos = metrics.bytes["asset"], metrics.bytes["photos"]
     share = asset / max(photos, 1)
     relation = f"{100 * share:.0f} % of" if share < 1 else f"{share:.2g} times"
-    parts = f"{size(metrics.bytes.get('layers', 0))} layers, {size(metrics.bytes.get('residuals', 0))} residuals"
+    parts = f"{size(metrics.bytes.get('layers', 0))} layers, {size(view_dependence(metrics))} residuals"
     return f"It weighs {size(asset)} ({parts}), {relation} the photos it was made from ({size(photos)})."
 
 
