@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, ValidationError, model_validator
+from pydantic import ConfigDict, Field, SerializeAsAny, ValidationError, model_validator
 
 from ibrpipe.config import Document, Vector
 from ibrpipe.errors import FormatError
@@ -43,7 +43,9 @@ class PlannedTexture(Document):
     height: int = Field(ge=1, description="Texels along v")
     max_angle_deg: float = Field(description="Surfaces tilted further go to a texture that faces them better, degrees")
     max_layers: int = Field(ge=1, description="Layers at the most")
-    components: list[PlannedComponent] = Field(description="View dependence that is modelled; empty = none")
+    components: list[SerializeAsAny[PlannedComponent]] = Field(
+        description="View dependence that is modelled; empty = none"
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -87,6 +87,14 @@ class Scene:
         parts += [build_sheets(field, base) for _, field, base in self.heights]
         return [sheet for part in parts for sheet in part]
 
+    def texture_of(self, ids: Array) -> Array:
+        """Number of the source behind every hit, int32, shaped as `ids`; -1 = nothing was hit."""
+        sources = [number for number, _ in self.patches] + [number for number, _, _ in self.heights]
+        firsts = [int(first) for first in self.firsts[:-1]] + [first for _, _, first in self.heights]
+        of_field = np.array([*sources, -1], np.int32)
+        ends = np.array([*firsts, self.cells], np.int64)
+        return of_field[np.searchsorted(ends, ids.astype(np.int64), side="right") - 1]
+
 
 @dataclass(frozen=True, eq=False)
 class Hits:

@@ -160,3 +160,65 @@ def test_a_copied_asset_needs_nothing_else(folder, tmp_path):
     shutil.copytree(folder, tmp_path / "elsewhere" / "träger")
     shutil.rmtree(folder)
     assert len(read_asset(tmp_path / "elsewhere" / "träger").textures) == 2
+
+
+#: an index as ibrpipe 0.1.0 wrote it before components could have several files or share anything
+EARLIER = """{
+ "schema_version": 1,
+ "generator": "ibrpipe 0.1.0",
+ "units": "metre",
+ "axes": "world axes of the capture, right-handed",
+ "color_space": "lin_rec709_scene",
+ "textures": [
+  {
+   "name": "+x",
+   "layers": "texture_00/layers.exr",
+   "components": [
+    {
+     "kind": "spiral",
+     "file": "texture_00/residuals.zip"
+    }
+   ],
+   "measured": {
+    "layers": {
+     "name": "+x",
+     "samples": 16
+    },
+    "residuals": null
+   }
+  },
+  {
+   "name": "-x",
+   "layers": "texture_01/layers.exr",
+   "components": [],
+   "measured": {}
+  }
+ ],
+ "provenance": {
+  "photos": [
+   "a.jpg"
+  ]
+ }
+}"""
+
+
+def test_an_asset_of_an_earlier_version_is_read_and_written_as_it_was(folder, tmp_path):
+    (folder / "asset.json").write_text(EARLIER, encoding="utf-8")
+    back = read_asset(folder)
+    np.testing.assert_array_equal(back.textures[0].residuals.texels, texture().residuals.texels)
+    assert [t.component("spiral") is not None for t in back.textures] == [True, False]
+    assert back.info["textures"][0]["measured"]["layers"]["samples"] == 16
+    write_asset(back, tmp_path / "again")
+    for file in folder.rglob("*.*"):
+        assert (tmp_path / "again" / file.relative_to(folder)).read_bytes() == file.read_bytes()
+
+
+def test_an_index_of_a_later_version_may_say_more(folder):
+    edit(folder, lambda data: data.update(color="red"))
+    assert read_index(folder).units == "metre"
+
+
+def test_a_spiral_without_a_file_is_named(folder):
+    edit(folder, lambda data: data["textures"][0]["components"][0].pop("file"))
+    with pytest.raises(FormatError, match="a component of kind 'spiral' names no file"):
+        read_asset(folder)
