@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field
 
 from ibrpipe.config import Document, Share
-from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.components import Component
 from ibrpipe.io.residuals import NAME as ARCHIVE
 
@@ -80,12 +79,4 @@ def read_document(folder: Path) -> Residuals:
     MissingFileError, FormatError
         It is missing, or damaged.
     """
-    path = folder / NAME
-    try:
-        return Residuals.model_validate_json(path.read_bytes())
-    except FileNotFoundError as error:
-        raise MissingFileError(f"{path}: does not exist; run the residuals stage first") from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise FormatError(f"{path}: damaged ({where}: {first['msg']}); run the residuals stage again") from error
+    return Residuals.read(folder / NAME, "damaged", "residuals")
