@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ibrpipe import Camera, ReliefMesh
-from ibrpipe.renderers.relief.meshes import Look, MeshPart, build_mesh
+from ibrpipe.renderers.relief.meshes import MeshPart, build_mesh
+from ibrpipe.renderers.relief.options import ReliefOptions
 from ibrpipe.types import Mesh
 
 QUAD = Mesh(np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float), np.array([[0, 1, 2], [0, 2, 3]]))
@@ -29,10 +30,10 @@ def camera(eye=(0.8, -1.5, 1.1), size=(15, 12)):
     return Camera.look_at(eye, (0, 0, -0.1), width=size[0], height=size[1], fov_y_deg=50.0)
 
 
-def parts(source: ReliefMesh, view: Camera, **look) -> tuple[MeshPart, np.ndarray, np.ndarray]:
+def parts(source: ReliefMesh, view: Camera, **options) -> tuple[MeshPart, np.ndarray, np.ndarray]:
     """The mesh as prepared, its vertices counted from the eye, and the rule."""
     part = build_mesh(source)
-    return part, part.places(view.center), part.rule(Look(**look))
+    return part, part.local_vertices(view.center), part.rule(ReliefOptions(**options))
 
 
 def buffers(view: Camera):

@@ -15,9 +15,9 @@ from ibrpipe.core.relief_mesh.shell import hit_shell
 from ibrpipe.core.relief_mesh.tree import fit_boxes
 
 
-def below_faces(source, view, keep=True, **look):
+def below_faces(source, view, keep=True, **options):
     """(depth, mine, places, turns) of the nearest sheet of polygons, and the polygons seen."""
-    part, local, rule = parts(source, view, **look)
+    part, local, rule = parts(source, view, **options)
     bounds, face = np.empty((len(part.corners), 4), np.int32), np.empty((view.height, view.width), np.int32)
     layer, after, found = np.empty(face.shape), np.zeros(face.shape), buffers(view)
     bound_faces(local, part.corners, view.K @ view.R, False, view.width, view.height, bounds)
@@ -28,8 +28,8 @@ def below_faces(source, view, keep=True, **look):
     return *found, face
 
 
-def below_shell(source, view, depth=np.inf, **look):
-    part, local, rule = parts(source, view, model="shell", **look)
+def below_shell(source, view, depth=np.inf, **options):
+    part, local, rule = parts(source, view, model="shell", **options)
     normals, found = np.empty((len(local), 3)), buffers(view)
     found[0][:] = depth
     normals[part.corners] = part.frames(local, smooth=True)[:, :, :3]
@@ -51,8 +51,8 @@ SCENES = {
 @pytest.mark.parametrize("search", ["exact", "linear-binary"])
 def test_hits_below_polygons_equal_brute_force(name, search):
     source, view = SCENES[name], camera()
-    look = {"search": search, "steps": 24, "halvings": 6, "least": 8}
-    depth, mine, places, turns, face = on_all_thread_counts(lambda: below_faces(source, view, **look))
+    options = {"search": search, "linear_steps": 24, "binary_steps": 6, "least_steps": 8}
+    depth, mine, places, turns, face = on_all_thread_counts(lambda: below_faces(source, view, **options))
     wanted, texture = twin.cast(source, view, search, 24, 6, 8)
     single = np.isfinite(wanted) == (mine > 0)  # what a second sheet shows is not this kernel's
     same = np.isclose(depth, wanted, rtol=1e-6)
