@@ -9,7 +9,7 @@ import ibrpipe
 from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.embree import MeshCaster
 from ibrpipe.evaluation.baselines import render_median, render_ulr
-from ibrpipe.evaluation.timing import Draw, Way
+from ibrpipe.evaluation.timing import Draw, Method
 from ibrpipe.io.frames import Frames
 from ibrpipe.io.views import View
 from ibrpipe.renderers.api import Prepared
@@ -22,23 +22,23 @@ TIMED_OUTPUTS = ("color", "depth")
 
 
 @dataclass(frozen=True)
-class Contest:
+class ComparedMethods:
     """Everything that is scored and timed, by name.
 
     Attributes
     ----------
     renderers, baselines : dict
         Name to the function that makes a view's frame.
-    ways : dict
-        Name to the way that is timed; the names are those of `renderers` and `baselines`.
+    timed : dict
+        Name to the method as it is timed; the names are those of `renderers` and `baselines`.
     """
 
     renderers: dict[str, Callable[[View], Frame]]
     baselines: dict[str, Callable[[View], Frame]]
-    ways: dict[str, Way]
+    timed: dict[str, Method]
 
 
-def make_contest(asset: Asset, frames: Frames, caster: MeshCaster, photos: PhotoSet) -> Contest:
+def compare_methods(asset: Asset, frames: Frames, caster: MeshCaster, photos: PhotoSet) -> ComparedMethods:
     """Prepare every renderer of `frames`, diffuse-only, the lumigraph and the mesh in median colours.
 
     Raises
@@ -50,16 +50,16 @@ def make_contest(asset: Asset, frames: Frames, caster: MeshCaster, photos: Photo
     prepared = {name: ibrpipe.prepare(asset, choice.name) for name, choice in choices.items()}
     first = frames.renderers[0]
     ready, diffuse = prepared[first], _without_view_dependence(choices[first])
-    return Contest(
+    return ComparedMethods(
         renderers={name: _frame_of(frames, choice, prepared[name]) for name, choice in choices.items()},
         baselines={
             "diffuse": lambda view: ibrpipe.render(ready, view.camera, diffuse.name, **diffuse.options),
             "ulr": lambda view: render_ulr(view.camera, caster, photos),
             "mesh": lambda view: render_median(view.camera, caster, photos),
         },
-        ways={
-            **{name: _way(choice, prepared[name]) for name, choice in choices.items()},
-            "diffuse": _way(diffuse, ready),
+        timed={
+            **{name: _method(choice, prepared[name]) for name, choice in choices.items()},
+            "diffuse": _method(diffuse, ready),
             "ulr": lambda camera: lambda: render_ulr(camera, caster, photos),
             "mesh": caster.prepared_cast,
         },
@@ -82,7 +82,7 @@ def _frame_of(frames: Frames, choice: Choice, prepared: Prepared) -> Callable[[V
     return load_or_render
 
 
-def _way(choice: Choice, prepared: Prepared) -> Way:
+def _method(choice: Choice, prepared: Prepared) -> Method:
     def prepare(camera: Camera) -> Draw:
         return lambda: ibrpipe.render(prepared, camera, choice.name, TIMED_OUTPUTS, **choice.options)
 

@@ -15,7 +15,7 @@ SCHEMA_VERSION = 1
 
 
 class Scores(Document):
-    """Error and speed of one way of rendering, in one view or in the mean over the views."""
+    """Error and speed of one method of rendering, in one view or in the mean over the views."""
 
     psnr: float | None = Field(description="dB over the mask, 8-bit sRGB; 100 = no pixel differs")
     ssim: float | None = Field(description="Structural similarity, mean of the map over the mask; 1 = equal")
@@ -90,9 +90,9 @@ class Protocol(Document):
     psnr_cap: float = Field(description="dB stated for equal pictures")
     timing_width: int = Field(description="Width of the timed frames in pixels")
     timing_height: int = Field(description="Height of the timed frames of the first view in pixels")
-    timing_repeats: int = Field(description="Timed frames for each view and way; the median counts")
+    timing_repeats: int = Field(description="Timed frames for each view and method; the median counts")
     timing_views: int = Field(description="Views that were timed")
-    threads: int = Field(description="Threads that every timed way may use")
+    threads: int = Field(description="Threads that every timed method may use")
     lines: list[str] = Field(description="The protocol in sentences, as the report prints it")
 
 

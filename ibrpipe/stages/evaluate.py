@@ -18,7 +18,7 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.machine import describe_machine
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import IbrError
-from ibrpipe.evaluation.compared_methods import Contest, make_contest
+from ibrpipe.evaluation.compared_methods import ComparedMethods, compare_methods
 from ibrpipe.evaluation.geometry_scores import GeometryRules, filled_vertices, measure_geometry
 from ibrpipe.evaluation.ground_truth import TrueSurface, find_truth, placed_truth
 from ibrpipe.evaluation.held_out import held_out_views, load_truth
@@ -28,7 +28,7 @@ from ibrpipe.evaluation.protocol import make_protocol
 from ibrpipe.evaluation.report import ViewPictures, draw_view, read_sources, write_report
 from ibrpipe.evaluation.report.surface_pictures import SurfacePictures, draw_surface
 from ibrpipe.evaluation.sizes import bytes_of, seconds_of, view_dependence_bytes
-from ibrpipe.evaluation.timing import time_ways, timed_size
+from ibrpipe.evaluation.timing import time_methods, timed_size
 from ibrpipe.io.frames import read_frames
 from ibrpipe.io.surfaces.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import View, ViewSet, read_views
@@ -46,12 +46,14 @@ class EvaluateConfig(StageConfig):
     )
     timing_width: int = Field(default=640, ge=16, le=16384, description="Width of the timed frames in pixels")
     timing_repeats: int = Field(
-        default=7, ge=1, le=1000, description="Timed frames per view and way; the median counts"
+        default=7, ge=1, le=1000, description="Timed frames per view and method; the median counts"
     )
     timing_views: int = Field(
         default=4, ge=1, le=1000, description="Views that are timed, spread over the held-out ones"
     )
-    timing_seconds: float = Field(default=20.0, gt=0, description="Time for all timing; slow ways take fewer turns, s")
+    timing_seconds: float = Field(
+        default=20.0, gt=0, description="Time for all timing; slow methods take fewer turns, s"
+    )
     report_views: int = Field(default=8, ge=0, le=1000, description="Views that the report shows in pictures")
     truth: str | None = Field(
         None,
@@ -113,17 +115,17 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     mesh = read_mesh(inputs.mesh)
     truth, geometry, surfaces = _surface(inputs, config, mesh, views)
     caster = MeshCaster(mesh, threads=numba.get_num_threads())
-    contest = make_contest(ibrpipe.read_asset(inputs.asset), frames, caster, load_photos(views.train, caster))
-    scored, pictures = _score_all(contest, tested, config)
+    methods = compare_methods(ibrpipe.read_asset(inputs.asset), frames, caster, load_photos(views.train, caster))
+    scored, pictures = _score_all(methods, tested, config)
     cameras = _spread([timed_size(view.camera, config.timing_width) for view in tested], config.timing_views)
-    speeds = _speeds(time_ways(contest.ways, cameras, config.timing_repeats, config.timing_seconds), cameras)
-    renderers = {name: _mean([view.renderers[name] for view in scored], speeds[name]) for name in contest.renderers}
+    speeds = _speeds(time_methods(methods.timed, cameras, config.timing_repeats, config.timing_seconds), cameras)
+    renderers = {name: _mean([view.renderers[name] for view in scored], speeds[name]) for name in methods.renderers}
     metrics = MetricsModel(
         renderer=frames.renderers[0],
         views=scored,
         mean=renderers[frames.renderers[0]],
         renderers=renderers,
-        baselines={name: _mean([view.baselines[name] for view in scored], speeds[name]) for name in contest.baselines},
+        baselines={name: _mean([view.baselines[name] for view in scored], speeds[name]) for name in methods.baselines},
         geometry=geometry,
         geometry_truth=None if truth is None else truth.told,
         bytes=bytes_of(inputs.asset, views.train, inputs.mesh),
@@ -186,22 +188,22 @@ def _told(truth: TrueSurface, scores: GeometryScores | None) -> str:
 
 
 def _score_all(
-    contest: Contest, views: Sequence[View], config: EvaluateConfig
+    methods: ComparedMethods, views: Sequence[View], config: EvaluateConfig
 ) -> tuple[list[ViewMetrics], list[ViewPictures]]:
-    """Score every view in every way, and draw the pictures of those that the report shows."""
+    """Score every view by every method, and draw the pictures of those that the report shows."""
     shown = {view.name for view in _spread(views, config.report_views)}
     scored, pictures = [], []
     for view in track(views, "score"):
         truth = load_truth(view)
-        frames = {name: draw(view) for name, draw in {**contest.renderers, **contest.baselines}.items()}
+        frames = {name: draw(view) for name, draw in {**methods.renderers, **methods.baselines}.items()}
         codes = {name: to_srgb8(frame.color) for name, frame in frames.items() if frame.color is not None}
         highlights = highlight_pixels(truth.color, codes["diffuse"], truth.mask, config.highlight_threshold)
         metrics = ViewMetrics(
             name=view.name,
             mask_pixels=int(truth.mask.sum()),
             highlight_pixels=int(highlights.sum()),
-            renderers={name: score_frame(truth, frames[name], highlights) for name in contest.renderers},
-            baselines={name: score_frame(truth, frames[name], highlights) for name in contest.baselines},
+            renderers={name: score_frame(truth, frames[name], highlights) for name in methods.renderers},
+            baselines={name: score_frame(truth, frames[name], highlights) for name in methods.baselines},
         )
         scored.append(metrics)
         if view.name in shown:
@@ -214,7 +216,7 @@ def _mean(scores: Sequence[Scores], speed: Mapping[str, float]) -> Scores:
 
 
 def _speeds(times: Mapping[str, Sequence[float]], cameras: Sequence[Camera]) -> dict[str, dict[str, float]]:
-    """Return, by way, mean milliseconds a frame and millions of pixels a second."""
+    """Return, by method, mean milliseconds a frame and millions of pixels a second."""
     pixels = sum(camera.width * camera.height for camera in cameras)
     return {
         name: {"ms_per_frame": sum(taken) / len(taken), "mpix_per_s": pixels / (1e3 * sum(taken))}
