@@ -12,7 +12,8 @@ from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.cameras.colmap import find_model, is_model, read_model
 from ibrpipe.io.cameras.lenses import Lens, directions_of
 from ibrpipe.io.cameras.shots import Shot
-from ibrpipe.io.captures import has_cameras, read_shots
+from ibrpipe.io.cameras.sources import has_cameras
+from ibrpipe.io.captures import read_shots
 from ibrpipe.types import Array
 
 #: Rays of so many points along each side of a photo are compared

@@ -11,7 +11,8 @@ import numpy as np
 from ibrpipe.calibration.job import PhotoEntry
 from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.cameras.shots import Shot
-from ibrpipe.io.captures import has_cameras, read_shots
+from ibrpipe.io.cameras.sources import has_cameras, has_test
+from ibrpipe.io.captures import read_shots
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.photos.masks import find_mask
 
@@ -41,7 +42,7 @@ def photos_of(root: Path) -> tuple[PhotoEntry, ...]:
         raise CaptureError(
             f"{root}: no photos found; expected JPEG, PNG, TIFF or EXR files in its folder images/, put them there"
         )
-    if (root / "test").is_dir():
+    if has_test(root):
         found += [replace(entry, name=f"test/{entry.name}", held_out=True) for entry in _half(root / "test")]
     return tuple(found)
 

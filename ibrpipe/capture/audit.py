@@ -21,6 +21,8 @@ from ibrpipe.io.views import View, load_depth, load_view
 from ibrpipe.progress import track
 from ibrpipe.types import Array, Mesh
 
+#: kinds of findings whose value is the whole sentence
+TOLD = ("left out", "decided")
 _MARK = {"error": "ERROR", "warning": "warning", "note": "note"}
 
 
@@ -53,7 +55,7 @@ def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = N
     Audit
     """
     limits = limits or Limits()
-    findings = _count_findings(capture) + _pose_findings(capture.train, capture.test)
+    findings = _told_findings(capture) + _count_findings(capture) + _pose_findings(capture.train, capture.test)
     surface = None if mesh is None else Surface(spread_points(mesh, limits.samples), MeshCaster(mesh))
     photos: list[PhotoFigures] = []
     for view in track(capture.train + capture.test, "audit"):
@@ -69,7 +71,6 @@ def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = N
     coverage = None if surface is None else surface.coverage()
     if surface is not None and coverage is not None:
         findings += _surface_findings(coverage, photos, surface.backs, capture, limits)
-    findings += [Finding("note", "decided", capture.root.name, text, "this", "nothing to do") for text in capture.notes]
     order = {"error": 0, "warning": 1, "note": 2}
     return Audit(tuple(sorted(findings, key=lambda finding: order[finding.severity])), tuple(photos), coverage)
 
@@ -100,9 +101,26 @@ def summary(audit: Audit, capture: Capture) -> str:
             f"by fewer than 3, {audit.surface['median_photos']} photos at the median"
         )
     for finding in audit.findings:
-        text = finding.value if finding.kind == "decided" else finding.line
+        text = finding.value if finding.kind in TOLD else finding.line
         lines.append(f"{_MARK[finding.severity]:8}{text}")
     return "\n".join(lines) + "\n"
+
+
+def terminal_summary(audit: Audit, capture: Capture, lines: int = 8) -> str:
+    """What a user should see at once: counts, what was left out, the first warning of every kind, what was decided."""
+    shown = [f"{len(capture.train)} photos to build from, {len(capture.test)} held out"]
+    shown += [f"{_MARK['warning']}: {text}" for text in capture.warnings]
+    groups: dict[str, list[Finding]] = {}
+    for finding in audit.findings:
+        if finding.severity == "warning" and finding.kind not in TOLD:
+            groups.setdefault(finding.kind, []).append(finding)
+    for group in list(groups.values())[:lines]:
+        more = f" (and {len(group) - 1} more like this)" if len(group) > 1 else ""
+        shown.append(f"{_MARK['warning']}: {group[0].line}{more}")
+    if len(groups) > lines or any(len(group) > 1 for group in groups.values()):
+        shown.append("all warnings are in audit.txt")
+    shown += [f"{_MARK['note']}: {text}" for text in capture.notes]
+    return "\n".join(shown) + "\n"
 
 
 def write_audit(audit: Audit, capture: Capture, data: Path, text: Path) -> None:
@@ -144,6 +162,13 @@ def _look(view: View, surface: Surface | None) -> PhotoFigures:
     sharpness, clipped, black, covered = measure_photo(view, colour, mask)
     seen, overlap = (None, None) if surface is None else surface.look(view, mask)
     return PhotoFigures(view.name, view.held_out, sharpness, clipped, black, covered, seen, overlap, masked=view.masked)
+
+
+def _told_findings(capture: Capture) -> list[Finding]:
+    """What reading has left out or decided."""
+    name = capture.root.name
+    left = [Finding("warning", "left out", name, text, "all of it", "see the text") for text in capture.warnings]
+    return left + [Finding("note", "decided", name, text, "this", "nothing to do") for text in capture.notes]
 
 
 def _count_findings(capture: Capture) -> list[Finding]:

@@ -64,7 +64,8 @@ def bytes_below(folder: Path) -> int:
 
 
 def _capture(path: Path) -> Facts:
-    from ibrpipe.io.captures import has_cameras, read_capture
+    from ibrpipe.io.cameras.sources import has_cameras
+    from ibrpipe.io.captures import read_capture
     from ibrpipe.io.surfaces.meshes import read_mesh
 
     if not has_cameras(path) and (path / "images").is_dir():
@@ -79,7 +80,7 @@ def _capture(path: Path) -> Facts:
     if capture.mesh is not None:
         mesh = read_mesh(capture.mesh)
         facts["mesh"] = {"file": capture.mesh.name, "vertices": len(mesh.vertices), "faces": len(mesh.faces)}
-    return facts | {"notes": list(capture.notes)}
+    return facts | {"notes": list(capture.notes), "warnings": list(capture.warnings)}
 
 
 def _photos(path: Path) -> Facts:

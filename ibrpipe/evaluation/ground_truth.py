@@ -11,7 +11,8 @@ import numpy as np
 
 from ibrpipe.core.similarity import centers, fit_cameras, move_points, move_poses
 from ibrpipe.errors import CaptureError
-from ibrpipe.io.captures import has_cameras, read_shots
+from ibrpipe.io.cameras.sources import has_cameras
+from ibrpipe.io.captures import read_shots
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import View
 from ibrpipe.types import Array, Mesh

@@ -9,29 +9,25 @@ Cameras may also come from elsewhere: from the folder that the calibrate stage h
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError, ValueRangeError
-from ibrpipe.io.cameras.bundler import BUNDLER, read_bundler
-from ibrpipe.io.cameras.colmap import find_model, read_model
+from ibrpipe.io.cameras.colmap import find_model
 from ibrpipe.io.cameras.lenses import Keep, undistorted_calibration
-from ibrpipe.io.cameras.metashape import METASHAPE, read_metashape
-from ibrpipe.io.cameras.middlebury import is_stereo, read_stereo
-from ibrpipe.io.cameras.shots import Shot
-from ibrpipe.io.cameras.transforms import read_transforms
+from ibrpipe.io.cameras.shots import PHOTO_SUFFIXES, CameraSet, Shot
+from ibrpipe.io.cameras.sources import has_cameras as has_cameras
+from ibrpipe.io.cameras.sources import has_test, read_cameras
 from ibrpipe.io.photos.exposure import gains_from_csv, gains_from_exif, read_exposure_csv
 from ibrpipe.io.photos.image_files import ImageHeader, read_header
 from ibrpipe.io.photos.masks import find_mask
-from ibrpipe.io.surfaces.meshes import SUFFIXES
+from ibrpipe.io.surfaces.meshes import SUFFIXES, has_faces
 from ibrpipe.io.views import View
 from ibrpipe.types import Camera
 
 Exposure = Literal["none", "exif", "csv", "auto"]
 Orientation = Literal["auto", "apply", "ignore"]
-#: Cameras beside COLMAP's, best first
-_CAMERA_FILES = ("transforms.json", METASHAPE, BUNDLER)
 
 
 @dataclass(frozen=True)
@@ -79,6 +75,8 @@ class Capture:
         Where the gains come from.
     notes : tuple of str
         What was found and decided that a reader should know.
+    warnings : tuple of str
+        What was left out, or does not fit together.
     """
 
     root: Path
@@ -88,6 +86,19 @@ class Capture:
     model: Path | None
     exposure: str
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What is to be told of a capture, in the order in which it was found."""
+
+    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    def add(self, cameras: CameraSet) -> None:
+        self.notes.extend(cameras.notes)
+        self.warnings.extend(cameras.warnings)
 
 
 def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Capture:
@@ -111,30 +122,51 @@ def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Cap
     if not root.is_dir():
         raise MissingFileError(f"{root}: is no folder; give a capture folder with images/ and cameras")
     root = root.resolve()
-    notes: list[str] = []
+    told = _Told()
     model, test_model = _models(root, options.cameras)
-    shots, ply = _shots(root, model)
-    test_shots = _shots(root / "test", test_model)[0] if (root / "test").is_dir() else ()
-    headers, test_headers = _headers(shots), _headers(test_shots)
-    gains, exposure = _gains(root, shots + test_shots, headers + test_headers, options.exposure)
-    train = _views(root, shots, headers, gains[: len(shots)], options, notes)
-    if test_shots:
-        test = _views(root / "test", test_shots, test_headers, gains[len(shots) :], options, notes)
+    cameras = read_cameras(root, model)
+    told.add(cameras)
+    shots, held = cameras.shots, cameras.held_out
+    tests = read_cameras(root / "test", test_model) if has_test(root) else CameraSet(())
+    told.add(tests)
+    test_shots = tests.shots + tests.held_out
+    told.warnings.extend([*_unposed(root, shots + held), *_unposed(root / "test", test_shots)])
+    headers, held_headers, test_headers = _headers(shots), _headers(held), _headers(test_shots)
+    gains, exposure = _gains(root, shots + held + test_shots, headers + held_headers + test_headers, options.exposure)
+    count, rest = len(shots), len(shots) + len(held)
+    train = _views(root, shots, headers, gains[:count], options, told)
+    test = _views(root, held, held_headers, gains[count:rest], options, told)
+    test += _views(root / "test", test_shots, test_headers, gains[rest:], options, told)
+    if test:
         test = tuple(replace(view, held_out=True) for view in test)
     else:
-        train, test = _split(train, options.hold_out_every, notes)
-    return Capture(root, train, test, _mesh(root, ply, notes), model, exposure, tuple(notes))
-
-
-def has_cameras(root: Path) -> bool:
-    """Say whether a capture folder, or its ``test/``, states cameras."""
-    found = find_model(root) is not None or any((root / name).is_file() for name in _CAMERA_FILES)
-    return found or is_stereo(root)
+        train, test = _split(train, options.hold_out_every, told.notes)
+    mesh = _mesh(root, cameras.mesh, told)
+    return Capture(root, train, test, mesh, model, exposure, tuple(told.notes), tuple(told.warnings))
 
 
 def read_shots(root: Path) -> tuple[Shot, ...]:
     """Read the cameras that a capture folder, or its ``test/``, states; raises as `read_capture`."""
-    return _shots(root, find_model(root))[0]
+    found = read_cameras(root, find_model(root))
+    return tuple(sorted(found.shots + found.held_out, key=lambda shot: shot.file))
+
+
+def _unposed(root: Path, shots: tuple[Shot, ...]) -> list[str]:
+    """Tell of photos in images/ that no camera names."""
+    folder = root / "images"
+    if not shots or not folder.is_dir():
+        return []
+    known = {shot.image for shot in shots}
+    found = [path for path in folder.rglob("*") if path.suffix.lower() in PHOTO_SUFFIXES and path.is_file()]
+    photos = [path for path in found if not path.name.startswith(".") and not path.name.endswith(".mask.png")]
+    left = sorted(path for path in photos if path not in known)
+    if not left:
+        return []
+    name = left[0].relative_to(folder).as_posix()
+    return [
+        f"{len(left)} of {len(photos)} photos in {folder} have no camera and are left out, the first is {name}: "
+        "calibrate them (ibrpipe run photos), or take them out"
+    ]
 
 
 def _models(root: Path, cameras: Path | None) -> tuple[Path | None, Path | None]:
@@ -143,26 +175,6 @@ def _models(root: Path, cameras: Path | None) -> tuple[Path | None, Path | None]
     if cameras is None:
         return own
     return find_model(cameras) or own[0], find_model(cameras / "test") or own[1]
-
-
-def _shots(root: Path, model: Path | None) -> tuple[tuple[Shot, ...], Path | None]:
-    """Calibrated photos of a folder, from a COLMAP model if there is one, else from transforms.json."""
-    transforms = root / "transforms.json"
-    if model is not None:
-        ply = read_transforms(transforms)[1] if transforms.is_file() and not _mesh_files(root) else None
-        return read_model(model, root / "images"), ply
-    if transforms.is_file():
-        return read_transforms(transforms)
-    if (root / METASHAPE).is_file():
-        return read_metashape(root / METASHAPE, root / "images"), None
-    if (root / BUNDLER).is_file():
-        return read_bundler(root / BUNDLER, root / "images"), None
-    if is_stereo(root):
-        return read_stereo(root), None
-    raise CaptureError(
-        f"{root}: no cameras found; expected a COLMAP model in sparse/0, transforms.json, {METASHAPE} or {BUNDLER} "
-        "(`ibrpipe calibrate` finds them from the photos alone)"
-    )
 
 
 def _headers(shots: tuple[Shot, ...]) -> list[ImageHeader]:
@@ -185,7 +197,7 @@ def _views(
     headers: list[ImageHeader],
     gains: list[float],
     options: CaptureOptions,
-    notes: list[str],
+    told: _Told,
 ) -> tuple[View, ...]:
     names = _names([shot.file for shot in shots])
     problems: list[IbrError] = []
@@ -200,7 +212,9 @@ def _views(
         raise type(problems[0])(f"{problems[0]}{more}")
     turned = sum(view.oriented for view in views)
     if turned:
-        notes.append(f"{turned} photos of {root.name} are turned as their orientation tag says, to fit their cameras")
+        told.notes.append(
+            f"{turned} photos of {root.name} are turned as their orientation tag says, to fit their cameras"
+        )
     return tuple(views)
 
 
@@ -305,13 +319,20 @@ def _mesh_files(root: Path) -> list[Path]:
     return [root / name for name in names if (root / name).is_file()]
 
 
-def _mesh(root: Path, ply: Path | None, notes: list[str]) -> Path | None:
+def _mesh(root: Path, named: Path | None, told: _Told) -> Path | None:
     found = _mesh_files(root)
     if len(found) > 1:
-        notes.append(f"several meshes: {found[0].name} is used, {', '.join(path.name for path in found[1:])} not")
+        told.notes.append(f"several meshes: {found[0].name} is used, {', '.join(path.name for path in found[1:])} not")
     if found:
         return found[0]
-    if ply is not None and ply.is_file():
-        notes.append(f"the mesh is {ply.name}, which transforms.json names")
-        return ply
-    return None
+    if named is None:
+        return None
+    if not named.is_file():
+        told.notes.append(f"{named.name}, which transforms.json names as ply_file_path, does not exist")
+        return None
+    if not has_faces(named):
+        text = f"{named.name}, which transforms.json names, is a point cloud and no mesh"
+        told.notes.append(f"{text}: `ibrpipe run calibrated` makes one from the photos")
+        return None
+    told.notes.append(f"the mesh is {named.name}, which transforms.json names")
+    return named

@@ -23,7 +23,7 @@ from ibrpipe.engine.provenance import count_child
 from ibrpipe.engine.run_folder import kept_folder
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import CaptureError, MissingFileError
-from ibrpipe.io.captures import has_cameras
+from ibrpipe.io.cameras.sources import has_cameras, has_test
 from ibrpipe.io.manifest import write_text
 from ibrpipe.progress import listener
 
@@ -183,7 +183,7 @@ def run(inputs: Inputs, config: CalibrateConfig) -> Outputs:
 
 def _all_given(root: Path) -> bool:
     """Say whether nothing is missing: photos and, where there is one, the test folder have cameras."""
-    return has_cameras(root) and (not (root / "test").is_dir() or has_cameras(root / "test"))
+    return has_cameras(root) and (not has_test(root) or has_cameras(root / "test"))
 
 
 def _job(root: Path, inputs: Inputs, config: CalibrateConfig) -> Job:

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from ibrpipe.calibration.job import read_alignment
 from ibrpipe.capture import audit_document
-from ibrpipe.capture.audit import audit_capture, stop_on_errors, write_audit
+from ibrpipe.capture.audit import audit_capture, stop_on_errors, terminal_summary, write_audit
 from ibrpipe.capture.findings import Limits
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
@@ -95,7 +95,7 @@ class Outputs(StageOutputs):
 
 
 def run(inputs: Inputs, config: IngestConfig) -> Outputs:
-    """Check a capture; write ``views.json``, ``audit.*``, and ``mesh.ply`` and ``points.npz`` where there are any.
+    """Check a capture; write ``views.json``, ``audit.*``, ``summary.txt``; ``mesh.ply`` and ``points.npz`` if any.
 
     Raises
     ------
@@ -125,6 +125,7 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
         write_points(points, outputs.points)
     write_views(_view_set(capture, surface), outputs.views)
     write_audit(audit, capture, outputs.audit, outputs.audit_text)
+    (inputs.out / "summary.txt").write_text(terminal_summary(audit, capture), encoding="utf-8")
     return outputs.made()
 
 
@@ -167,7 +168,8 @@ def _masked(views: tuple[View, ...], threshold: float) -> tuple[View, ...]:
 
 
 def _view_set(capture: Capture, mesh: Path | None) -> ViewSet:
-    info = {"capture": str(capture.root), "exposure": capture.exposure, "notes": list(capture.notes)}
+    notes = [*capture.warnings, *capture.notes]
+    info = {"capture": str(capture.root), "exposure": capture.exposure, "notes": notes}
     return ViewSet(capture.train, capture.test, mesh, info)
 
 

@@ -43,6 +43,7 @@ def test_everything_is_written(capture, tmp_path):
         "audit.json",
         "audit.txt",
         "mesh.ply",
+        "summary.txt",
         "views.json",
     ]
     assert "14 photos, 3 held out" in outputs.audit_text.read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ import numpy as np
 
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
 from ibrpipe.io.cameras.lenses import Lens
-from ibrpipe.io.cameras.shots import Shot, photo_by_label
+from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot, name_below, photo_by_label
 from ibrpipe.io.cameras.transforms import OPENCV_FROM_OPENGL
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.types import Array
@@ -23,7 +23,7 @@ BUNDLER = "bundle.out"
 _ROWS = 5
 
 
-def read_bundler(path: Path, images: Path) -> tuple[Shot, ...]:
+def read_bundler(path: Path, images: Path) -> CameraSet:
     """Read all cameras that were placed.
 
     Parameters
@@ -35,8 +35,8 @@ def read_bundler(path: Path, images: Path) -> tuple[Shot, ...]:
 
     Returns
     -------
-    tuple of Shot
-        Sorted by name.
+    CameraSet
+        Photos that were not placed are left out and counted.
 
     Raises
     ------
@@ -45,20 +45,24 @@ def read_bundler(path: Path, images: Path) -> tuple[Shot, ...]:
     """
     names = _names(path.with_name("list.txt"))
     rows = _rows(path, len(names))
-    shots = []
+    photos = PhotoFolder(images)
+    shots, left = [], []
     for index, label in enumerate(names):
         camera = rows[index]
         if camera[0, 0] <= 0:
-            continue  # Bundler's way to say that a photo was not placed
-        image = photo_by_label(images, label, path)
+            left.append(label)  # Bundler's way to say that a photo was not placed
+            continue
+        image = photo_by_label(photos, label, path)
         header = read_header(image)
         focal, k1, k2 = camera[0]
         lens = Lens("RADIAL", (focal, header.width / 2.0, header.height / 2.0, k1, k2), header.width, header.height)
         pose = _pose(path, camera, label)
-        shots.append(Shot(image.relative_to(images).as_posix(), image, lens, pose))
+        shots.append(Shot(name_below(image, images), image, lens, pose))
     if not shots:
         raise CaptureError(f"{path}: holds no camera with a focal length; export a finished reconstruction")
-    return tuple(sorted(shots, key=lambda shot: shot.file))
+    told = f"{path.name}: {len(left)} of {len(names)} photos were not placed and are left out"
+    warnings = (f"{told}, the first is {left[0]}",) if left else ()
+    return CameraSet(tuple(sorted(shots, key=lambda shot: shot.file)), warnings=warnings)
 
 
 def _names(path: Path) -> list[str]:

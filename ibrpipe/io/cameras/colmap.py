@@ -20,15 +20,39 @@ from ibrpipe.io.cameras.lenses import Lens, model_by_id
 from ibrpipe.io.cameras.shots import Shot
 from ibrpipe.types import Array
 
-#: Where a model may be inside a capture folder, best first
-FOLDERS = ("sparse/0", "sparse", "colmap/sparse/0")
+#: Where models may be inside a capture folder, best first: in folders of their own, or there itself
+FOLDERS = ("sparse", "colmap/sparse")
 _IMAGE_LINE = "ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
 _POINT_BYTES = 24
+#: words of a line that tell whether it holds points; names of photos come tenth
+_LOOKED_AT = 30
 
 
 def find_model(capture: Path) -> Path | None:
-    """Folder of the COLMAP model inside a capture folder, or None."""
-    return next((capture / name for name in FOLDERS if is_model(capture / name)), None)
+    """Folder of the COLMAP model inside a capture folder, that of most images where there are several, or None."""
+    return next(iter(find_models(capture)), None)
+
+
+def find_models(capture: Path) -> list[Path]:
+    """Folders of all COLMAP models of the first place that holds any, that of most images first."""
+    for name in FOLDERS:
+        place = capture / name
+        inside = sorted(path for path in place.iterdir() if is_model(path)) if place.is_dir() else []
+        if len(inside) > 1:
+            inside.sort(key=lambda path: (-image_count(path), len(path.name)))
+        if inside:
+            return inside
+        if is_model(place):
+            return [place]
+    return []
+
+
+def image_count(folder: Path) -> int:
+    """Return the number of images of a COLMAP model; 0 where it is damaged."""
+    try:
+        return len(image_names(folder))
+    except (IbrError, OSError):
+        return 0
 
 
 def is_model(folder: Path) -> bool:
@@ -127,10 +151,15 @@ def _cameras_text(path: Path) -> Iterator[tuple[int, Lens]]:
 
 
 def _images_text(path: Path) -> Iterator[tuple[str, int, str, int, tuple[float, ...]]]:
-    """Every image takes two lines: itself, then its points (may be empty)."""
-    lines = iter(text_lines(path))
-    for where, line in lines:
-        if not line:
+    """Every image takes two lines: itself, then its points (may be empty). Files without the second ones are read, too.
+
+    Some scripts leave the lines of points out; what follows an image is told by its words, since points come in threes
+    and are all numbers.
+    """
+    after_image = False
+    for where, line in text_lines(path):
+        if not line or (after_image and _is_points(line)):
+            after_image = False
             continue
         words = line.split(maxsplit=9)
         try:
@@ -139,7 +168,17 @@ def _images_text(path: Path) -> Iterator[tuple[str, int, str, int, tuple[float, 
         except (ValueError, IndexError) as error:
             raise FormatError(f"{where}: expected {_IMAGE_LINE}, got {line[:80]!r}") from error
         yield where, key, name, camera, numbers
-        next(lines, None)
+        after_image = True
+
+
+def _is_points(line: str) -> bool:
+    """Say whether a line holds points of an image, X Y POINT3D_ID again and again."""
+    words = line.split()
+    try:
+        numbers = [float(word) for word in words[:_LOOKED_AT]]
+    except ValueError:
+        return False
+    return len(words) % 3 == 0 and all(number.is_integer() for number in numbers[2::3])
 
 
 class Cursor:

@@ -1,9 +1,11 @@
-"""nerfstudio (and Blender/instant-ngp style) ``transforms.json`` as lenses and poses."""
+"""nerfstudio (and Blender/instant-ngp style) ``transforms.json`` as lenses and poses.
+
+Blender's synthetic scenes come as ``transforms_train.json``, ``transforms_val.json`` and ``transforms_test.json``.
+"""
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,19 +13,21 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import CaptureError, FormatError
-from ibrpipe.io.cameras.lenses import Lens
-from ibrpipe.io.cameras.shots import Shot
-from ibrpipe.io.photos.image_files import read_header
+from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot
+from ibrpipe.io.cameras.transforms_lens import frame_keys, frame_lens
 from ibrpipe.types import Array
 
+TRANSFORMS = "transforms.json"
+#: Blender's, what photos are made from and what they are measured on; those of transforms_val.json are left out
+BLENDER_TRAIN, BLENDER_TEST, BLENDER_VAL = (f"transforms_{name}.json" for name in ("train", "test", "val"))
 #: OpenCV camera axes (x right, y down, z forward) from OpenGL's (x right, y up, z backward)
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
+#: What names without a suffix stand for, best first
 _IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff")
-_RADIAL = ("k1", "k2", "k3", "k4")
 
 
 def read_transforms(path: Path) -> tuple[tuple[Shot, ...], Path | None]:
-    """Read a ``transforms.json``.
+    """Read all photos of a ``transforms.json``, those held out among them, and the file it names as surface.
 
     Parameters
     ----------
@@ -40,21 +44,59 @@ def read_transforms(path: Path) -> tuple[tuple[Shot, ...], Path | None]:
     ------
     FormatError, CaptureError
         Not JSON, keys missing, an unknown camera model, a pose that is no rigid motion.
+    """
+    document = _document(path)
+    return _sorted(_shots(document, path)), _named_mesh(document, path)
+
+
+def read_nerfstudio(path: Path) -> CameraSet:
+    """Read a ``transforms.json`` with its split: what ``test_filenames`` names is held out, else ``val_filenames``.
+
+    Raises
+    ------
+    as `read_transforms`
 
     Notes
     -----
     ``transform_matrix`` is world-from-camera with OpenGL camera axes; the world's own axes are kept as they are.
     """
     document = _document(path)
-    frames = document.get("frames")
-    if not isinstance(frames, list) or not frames:
-        raise FormatError(
-            f"{path}: has no list 'frames'; expected a nerfstudio transforms.json with one entry per photo"
-        )
-    shots = [_shot(frame, document, path, index) for index, frame in enumerate(frames)]
-    ply = document.get("ply_file_path")
-    mesh = path.parent / ply if isinstance(ply, str) and ply else None
-    return tuple(sorted(shots, key=lambda shot: shot.file)), mesh
+    shots = _shots(document, path)
+    lists = {name: _split_list(document, f"{name}_filenames", path) for name in ("train", "val", "test")}
+    mesh = _named_mesh(document, path)
+    if not any(lists.values()):
+        return CameraSet(_sorted(shots), mesh=mesh)
+    kind = "test" if lists["test"] else "val"
+    named = {shot.image: frame["file_path"] for shot, frame in zip(shots, document["frames"])}
+    keys = {shot: {_key(shot.file), _key(named[shot.image])} for shot in shots}
+    held = [shot for shot in shots if keys[shot] & lists[kind]]
+    train = [shot for shot in shots if shot not in held and (not lists["train"] or keys[shot] & lists["train"])]
+    known = set().union(*keys.values())
+    notes, warnings = [], []
+    if held:
+        notes.append(f"{len(held)} photos are held out for measuring, as {kind}_filenames of {path.name} says")
+    unknown = sum(name not in known for names in lists.values() for name in names)
+    if unknown:
+        warnings.append(f"{path.name}: {unknown} names in its lists of files are no photos of its frames")
+    left = [shot for shot in shots if shot not in held and shot not in train]
+    if left:
+        text = f"{path.name}: {len(left)} of {len(shots)} photos are neither in train_filenames nor in {kind}_filenames"
+        warnings.append(f"{text} and are left out, the first is {left[0].file}")
+    return CameraSet(_sorted(train), _sorted(held), mesh, tuple(notes), tuple(warnings))
+
+
+def read_blender(root: Path) -> CameraSet:
+    """Read the three files of a synthetic scene of Blender: train to build from, test held out, val left out."""
+    train, test = root / BLENDER_TRAIN, root / BLENDER_TEST
+    document = _document(train)
+    held = _shots(_document(test), test) if test.is_file() else []
+    notes = [f"cameras are those of {train.name}"]
+    if held:
+        notes.append(f"{len(held)} photos are held out for measuring, those of {test.name}")
+    if (root / BLENDER_VAL).is_file():
+        notes.append(f"the photos of {BLENDER_VAL} are not used")
+    shots = _sorted(_shots(document, train))
+    return CameraSet(shots, _sorted(held), _named_mesh(document, train), tuple(notes))
 
 
 def pose_from_opengl(world_from_camera: Array) -> Array:
@@ -82,6 +124,10 @@ def pose_from_opengl(world_from_camera: Array) -> Array:
     return np.concatenate([rotation, -(rotation @ matrix[:3, 3])[:, None]], axis=1)
 
 
+def _sorted(shots: list[Shot]) -> tuple[Shot, ...]:
+    return tuple(sorted(shots, key=lambda shot: shot.file))
+
+
 def _document(path: Path) -> Mapping[str, Any]:
     try:
         document = json.loads(path.read_text(encoding="utf-8-sig"))
@@ -92,84 +138,72 @@ def _document(path: Path) -> Mapping[str, Any]:
     return document
 
 
-def _shot(frame: Any, document: Mapping[str, Any], path: Path, index: int) -> Shot:
+def _named_mesh(document: Mapping[str, Any], path: Path) -> Path | None:
+    ply = document.get("ply_file_path")
+    if not isinstance(ply, str) or not ply:
+        return None
+    return PhotoFolder(path.parent).at(ply, path) or path.parent / ply
+
+
+def _split_list(document: Mapping[str, Any], key: str, path: Path) -> set[str]:
+    names = document.get(key) or []
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise FormatError(f"{path}: {key} is no list of file names; write it again or remove it")
+    return {_key(name) for name in names}
+
+
+def _key(name: str) -> str:
+    """A photo's name as far as it tells photos apart: lists and frames write slashes, ./ and images/ differently."""
+    return name.replace("\\", "/").removeprefix("./").removeprefix("images/").casefold()
+
+
+def _shots(document: Mapping[str, Any], path: Path) -> list[Shot]:
+    frames = document.get("frames")
+    if not isinstance(frames, list) or not frames:
+        raise FormatError(
+            f"{path}: has no list 'frames'; expected a nerfstudio transforms.json with one entry per photo"
+        )
+    files = PhotoFolder(path.parent), PhotoFolder(path.parent / "images")
+    return [_shot(frame, document, path, index, files) for index, frame in enumerate(frames)]
+
+
+def _shot(
+    frame: Any, document: Mapping[str, Any], path: Path, index: int, files: tuple[PhotoFolder, PhotoFolder]
+) -> Shot:
     if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
         raise FormatError(f"{path}: frame {index} has no 'file_path'; every frame names its photo")
     where = f"{path}: frame {index} ({frame['file_path']})"
     if "transform_matrix" not in frame:
         raise FormatError(f"{where}: has no 'transform_matrix'; every frame states its pose")
-    image = _image_path(path.parent, frame["file_path"])
+    image = _image_path(path, frame["file_path"], files)
     try:
         pose = pose_from_opengl(np.array(frame["transform_matrix"], np.float64))
-        lens = _lens({**document, **frame}, image)
+        lens = frame_lens(frame_keys(frame, document), image)
     except CaptureError as error:
         raise CaptureError(f"{where}: {error}") from error
     except (ValueError, TypeError) as error:
         raise FormatError(f"{where}: {error}") from error
     mask = frame.get("mask_path")
-    file = Path(frame["file_path"]).with_suffix(image.suffix).as_posix().removeprefix("./").removeprefix("images/")
-    return Shot(file, image, lens, pose, path.parent / mask if isinstance(mask, str) and mask else None)
+    named = isinstance(mask, str) and bool(mask)
+    return Shot(_file(image, path.parent), image, lens, pose, _named_file(path, str(mask), files[0]) if named else None)
 
 
-def _image_path(root: Path, name: str) -> Path:
+def _image_path(path: Path, name: str, files: tuple[PhotoFolder, PhotoFolder]) -> Path:
     """The photo's path; Blender-style names leave out the suffix."""
-    image = root / name
-    if image.suffix.lower() not in _IMAGE_SUFFIXES and not image.is_file():
-        for suffix in _IMAGE_SUFFIXES:
-            candidate = image.with_name(image.name + suffix)
-            if candidate.is_file():
-                return candidate
-        return image.with_name(image.name + ".png")
-    return image
+    found = files[0].at(name, path, _IMAGE_SUFFIXES) or files[1].find(name, path)
+    if found is not None:
+        return found
+    image = path.parent / name.replace("\\", "/")
+    return image if image.suffix.lower() in _IMAGE_SUFFIXES else image.with_name(image.name + ".png")
 
 
-def _lens(keys: Mapping[str, Any], image: Path) -> Lens:
-    width, height = _size(keys, image)
-    focal_x, focal_y = _focal(keys, width, height)
-    cx, cy = float(keys.get("cx", width / 2.0)), float(keys.get("cy", height / 2.0))
-    k1, k2, k3, k4 = (float(keys.get(name, 0.0)) for name in _RADIAL)
-    p1, p2 = float(keys.get("p1", 0.0)), float(keys.get("p2", 0.0))
-    model = str(keys.get("camera_model", "OPENCV_FISHEYE" if keys.get("is_fisheye") else "OPENCV"))
-    params: tuple[float, ...]
-    if model in ("OPENCV_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "SIMPLE_FISHEYE", "FISHEYE"):
-        if p1 or p2:
-            raise CaptureError(f"camera model {model} with p1 or p2 is not known; expected k1 to k4 only")
-        model, params = "OPENCV_FISHEYE", (focal_x, focal_y, cx, cy, k1, k2, k3, k4)
-    elif model in ("OPENCV", "FULL_OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE"):
-        if k4:
-            raise CaptureError(f"camera model {model} with k4 = {k4:g} is not known; expected k1, k2, k3, p1, p2")
-        model, params = perspective_lens(focal_x, focal_y, cx, cy, (k1, k2, p1, p2, k3))
-    else:
-        raise CaptureError(
-            f"camera model {model!r} is not known; expected OPENCV, OPENCV_FISHEYE, PINHOLE or SIMPLE_RADIAL"
-        )
-    return Lens(model, params, width, height)
+def _named_file(path: Path, name: str, files: PhotoFolder) -> Path:
+    return files.at(name, path, _IMAGE_SUFFIXES) or path.parent / name.replace("\\", "/")
 
 
-def perspective_lens(
-    fx: float, fy: float, cx: float, cy: float, bend: tuple[float, ...]
-) -> tuple[str, tuple[float, ...]]:
-    """COLMAP's plainest model for Brown's k1, k2, p1, p2, k3."""
-    if not any(bend):
-        return "PINHOLE", (fx, fy, cx, cy)
-    if not bend[4]:
-        return "OPENCV", (fx, fy, cx, cy, *bend[:4])
-    return "FULL_OPENCV", (fx, fy, cx, cy, *bend, 0.0, 0.0, 0.0)
-
-
-def _size(keys: Mapping[str, Any], image: Path) -> tuple[int, int]:
-    if "w" in keys and "h" in keys:
-        return int(keys["w"]), int(keys["h"])
-    header = read_header(image)
-    return header.width, header.height
-
-
-def _focal(keys: Mapping[str, Any], width: int, height: int) -> tuple[float, float]:
-    if "fl_x" in keys:
-        return float(keys["fl_x"]), float(keys.get("fl_y", keys["fl_x"]))
-    if "camera_angle_x" in keys:
-        focal = width / (2.0 * math.tan(float(keys["camera_angle_x"]) / 2.0))
-        if "camera_angle_y" in keys:
-            return focal, height / (2.0 * math.tan(float(keys["camera_angle_y"]) / 2.0))
-        return focal, focal
-    raise FormatError("has neither 'fl_x' nor 'camera_angle_x'; expected a focal length")
+def _file(image: Path, root: Path) -> str:
+    """Name of a photo below images/, or below the capture where it lies elsewhere in it."""
+    for folder in (root / "images", root):
+        if image.is_relative_to(folder) and ".." not in image.relative_to(folder).parts:
+            return image.relative_to(folder).as_posix()
+    return image.name

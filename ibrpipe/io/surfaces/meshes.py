@@ -45,6 +45,20 @@ def read_mesh(path: Path) -> Mesh:
         raise FormatError(f"{path}: {error}") from error
 
 
+def has_faces(path: Path) -> bool:
+    """Say whether a file holds a surface: a PLY may be a point cloud. Other kinds, and damaged files, count as such."""
+    if path.suffix.lower() != ".ply":
+        return True
+    with path.open("rb") as source:
+        for _ in range(1000):
+            words = source.readline(1000).decode("ascii", "replace").split()
+            if words[:2] in (["element", "face"], ["element", "tristrips"]):
+                return words[2:] != ["0"]
+            if words[:1] == ["end_header"]:
+                return False
+    return True
+
+
 def write_mesh(mesh: Mesh, path: Path, values: Mapping[str, Array] | None = None) -> None:
     """Write a binary PLY with double coordinates, so that nothing is lost.
 
