@@ -14,7 +14,7 @@ from ibrpipe.io.cameras.shots import Shot
 from ibrpipe.io.cameras.sources import has_cameras, has_test
 from ibrpipe.io.captures import read_shots
 from ibrpipe.io.photos.image_files import read_header
-from ibrpipe.io.photos.masks import find_mask
+from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", ".webp", ".bmp", ".jp2", ".heic")
 
@@ -48,13 +48,21 @@ def photos_of(root: Path) -> tuple[PhotoEntry, ...]:
 
 
 def _half(root: Path) -> list[PhotoEntry]:
-    entries = {entry.name: entry for entry in (_entry(root, file) for file in _files(root / "images"))}
-    for shot in read_shots(root) if has_cameras(root) else ():
+    shots = {shot.file: shot for shot in (read_shots(root) if has_cameras(root) else ())}
+    for shot in shots.values():
         if not shot.image.is_file():
             raise MissingFileError(f"{shot.image}: the photo does not exist, but the capture's cameras name it")
-        known = entries.get(shot.file) or _entry(root, shot.image, shot.file, shot.mask)
-        entries[shot.file] = _with_camera(known, shot)
-    return [entries[name] for name in sorted(entries)]
+    images = {file.relative_to(root / "images").as_posix(): file for file in _files(root / "images")}
+    images |= {name: shot.image for name, shot in shots.items()}
+    names = sorted(images)
+    photos = [
+        MaskedPhoto(
+            name, images[name], shots[name].mask if name in shots else None, read_header(images[name]).has_alpha
+        )
+        for name in names
+    ]
+    entries = [_entry(photo, mask) for photo, mask in zip(photos, find_masks(root, photos)[0])]
+    return [_with_camera(entry, shots[name]) if name in shots else entry for name, entry in zip(names, entries)]
 
 
 def _files(folder: Path) -> list[Path]:
@@ -64,11 +72,9 @@ def _files(folder: Path) -> list[Path]:
     return sorted(path for path in found if not path.name.endswith(".mask.png") and not path.name.startswith("."))
 
 
-def _entry(root: Path, image: Path, name: str | None = None, named: Path | None = None) -> PhotoEntry:
-    file = name or image.relative_to(root / "images").as_posix()
-    mask = find_mask(root, file, image, named, read_header(image).has_alpha)
+def _entry(photo: MaskedPhoto, mask: MaskChoice) -> PhotoEntry:
     stored = None if mask.file is None else str(mask.file.resolve())
-    return PhotoEntry(file, str(image.resolve()), stored, mask.from_alpha, mask.rule)
+    return PhotoEntry(photo.file, str(photo.image.resolve()), stored, mask.from_alpha, mask.rule)
 
 
 def _with_camera(entry: PhotoEntry, shot: Shot) -> PhotoEntry:

@@ -13,6 +13,7 @@ import numpy as np
 from ibrpipe.capture import audit_document
 from ibrpipe.capture.coverage import SurfacePoints, agreement, seen_points, spread_points
 from ibrpipe.capture.findings import Finding, Limits
+from ibrpipe.capture.mask_sense import inverted_masks, keeps_rim, perhaps_inverted
 from ibrpipe.capture.photo_quality import PhotoFigures, damaged, empty_mask, measure_photo, photo_findings
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, IbrError
@@ -58,9 +59,10 @@ def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = N
     findings = _told_findings(capture) + _count_findings(capture) + _pose_findings(capture.train, capture.test)
     surface = None if mesh is None else Surface(spread_points(mesh, limits.samples), MeshCaster(mesh))
     photos: list[PhotoFigures] = []
+    rims: list[bool] = []
     for view in track(capture.train + capture.test, "audit"):
         try:
-            figures = _look(view, surface)
+            figures = _look(view, surface, rims)
         except (IbrError, MemoryError) as error:
             findings.append(damaged(view, error))
             continue
@@ -70,7 +72,11 @@ def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = N
     findings += photo_findings(photos, limits)
     coverage = None if surface is None else surface.coverage()
     if surface is not None and coverage is not None:
-        findings += _surface_findings(coverage, photos, surface.backs, capture, limits)
+        findings += inverted_masks(capture.root, surface.overlaps) or _surface_findings(
+            coverage, photos, surface.backs, capture, limits
+        )
+    elif mesh is None:
+        findings += perhaps_inverted(capture.root, rims)
     order = {"error": 0, "warning": 1, "note": 2}
     return Audit(tuple(sorted(findings, key=lambda finding: order[finding.severity])), tuple(photos), coverage)
 
@@ -141,12 +147,15 @@ class Surface:
         self._points, self._caster = points, caster
         self._observers = np.zeros(len(points.position), np.int32)
         self.backs: list[float] = []
+        self.overlaps: list[tuple[float, float]] = []
 
     def look(self, view: View, mask: Array) -> tuple[float, float | None]:
         """Take note of what a photo sees; return the share of the area, and how far mask and outline agree."""
         seen = seen_points(self._points, view.camera, mask, self._caster)
-        overlap, backs = agreement(view.camera, mask, self._caster)
+        overlap, backs, inverse = agreement(view.camera, mask, self._caster)
         self.backs.append(backs)
+        if view.masked and math.isfinite(overlap) and math.isfinite(inverse):
+            self.overlaps.append((overlap, inverse))
         self._observers += seen * (not view.held_out)
         return float(seen.mean()), overlap if view.masked and math.isfinite(overlap) else None
 
@@ -155,8 +164,10 @@ class Surface:
         return _surface(self._observers, self._points)
 
 
-def _look(view: View, surface: Surface | None) -> PhotoFigures:
+def _look(view: View, surface: Surface | None, rims: list[bool]) -> PhotoFigures:
     colour, mask = load_view(view)
+    if view.masked:
+        rims.append(keeps_rim(mask))
     if view.depth is not None:
         load_depth(view)
     sharpness, clipped, black, covered = measure_photo(view, colour, mask)

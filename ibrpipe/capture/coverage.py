@@ -94,7 +94,7 @@ def seen_points(points: SurfacePoints, camera: Camera, mask: Array, caster: Mesh
     return candidate
 
 
-def agreement(camera: Camera, mask: Array, caster: MeshCaster, side: int = 160) -> tuple[float, float]:
+def agreement(camera: Camera, mask: Array, caster: MeshCaster, side: int = 160) -> tuple[float, float, float]:
     """Compare a mesh's outline with a photo's mask on a small picture.
 
     Returns
@@ -103,6 +103,8 @@ def agreement(camera: Camera, mask: Array, caster: MeshCaster, side: int = 160) 
         Area of intersection over union; NaN where both are empty.
     backs : float
         Share of the mesh's visible pixels that show the back of a face; NaN where none is visible.
+    inverse : float
+        As `overlap`, for what the mask leaves out.
     """
     scale = min(1.0, side / max(camera.width, camera.height))
     small = camera.resized(max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
@@ -111,7 +113,11 @@ def agreement(camera: Camera, mask: Array, caster: MeshCaster, side: int = 160) 
     rows = ((np.arange(small.height) + 0.5) / small.height * mask.shape[0]).astype(np.int64)
     columns = ((np.arange(small.width) + 0.5) / small.width * mask.shape[1]).astype(np.int64)
     wanted = mask[rows][:, columns] >= 0.5
-    union = (met | wanted).sum()
-    overlap = float((met & wanted).sum() / union) if union else float("nan")
+    overlap, inverse = _overlap(met, wanted), _overlap(met, ~wanted)
     backs = (small.pixel_rays()[met] * hits.normal[met]).sum(axis=-1) > 0
-    return overlap, float(backs.mean()) if met.any() else float("nan")
+    return overlap, float(backs.mean()) if met.any() else float("nan"), inverse
+
+
+def _overlap(one: Array, two: Array) -> float:
+    union = (one | two).sum()
+    return float((one & two).sum() / union) if union else float("nan")

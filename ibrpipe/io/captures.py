@@ -21,7 +21,7 @@ from ibrpipe.io.cameras.sources import has_cameras as has_cameras
 from ibrpipe.io.cameras.sources import has_test, read_cameras
 from ibrpipe.io.photos.exposure import gains_from_csv, gains_from_exif, read_exposure_csv
 from ibrpipe.io.photos.image_files import ImageHeader, read_header
-from ibrpipe.io.photos.masks import find_mask
+from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
 from ibrpipe.io.surfaces.meshes import SUFFIXES, has_faces
 from ibrpipe.io.views import View
 from ibrpipe.types import Camera
@@ -134,8 +134,8 @@ def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Cap
     headers, held_headers, test_headers = _headers(shots), _headers(held), _headers(test_shots)
     gains, exposure = _gains(root, shots + held + test_shots, headers + held_headers + test_headers, options.exposure)
     count, rest = len(shots), len(shots) + len(held)
-    train = _views(root, shots, headers, gains[:count], options, told)
-    test = _views(root, held, held_headers, gains[count:rest], options, told)
+    own = _views(root, shots + held, headers + held_headers, gains[:rest], options, told)
+    train, test = own[:count], own[count:]
     test += _views(root / "test", test_shots, test_headers, gains[rest:], options, told)
     if test:
         test = tuple(replace(view, held_out=True) for view in test)
@@ -202,9 +202,13 @@ def _views(
     names = _names([shot.file for shot in shots])
     problems: list[IbrError] = []
     views: list[View] = []
-    for shot, header, name, gain in zip(shots, headers, names, gains):
+    photos = [MaskedPhoto(shot.file, shot.image, shot.mask, header.has_alpha) for shot, header in zip(shots, headers)]
+    masks, notes, warnings = find_masks(root, photos)
+    told.notes.extend(notes)
+    told.warnings.extend(warnings)
+    for shot, header, name, gain, mask in zip(shots, headers, names, gains, masks):
         try:
-            views.append(_view(root, shot, header, name, gain, options))
+            views.append(_view(root, shot, header, name, gain, mask, options))
         except (CaptureError, FormatError, MissingFileError) as error:
             problems.append(error)
     if problems:
@@ -218,14 +222,15 @@ def _views(
     return tuple(views)
 
 
-def _view(root: Path, shot: Shot, header: ImageHeader, name: str, gain: float, options: CaptureOptions) -> View:
+def _view(
+    root: Path, shot: Shot, header: ImageHeader, name: str, gain: float, mask: MaskChoice, options: CaptureOptions
+) -> View:
     oriented = _oriented(shot, header, options.orientation)
     K, width, height = undistorted_calibration(shot.lens, options.keep)
     try:
         camera = Camera(K, shot.cam_from_world, width, height)
     except ValueRangeError as error:
         raise CaptureError(f"{shot.image}: {error}") from error
-    mask = find_mask(root, shot.file, shot.image, shot.mask, header.has_alpha)
     if mask.file is not None:
         _check_mask(mask.file, shot, oriented)
     return View(

@@ -85,7 +85,7 @@ def test_agreement_of_mask_and_outline():
     camera, caster = above(4.0, fov=2 * np.degrees(np.arctan(1 / 4))), MeshCaster(wall())
     mask = np.zeros((200, 200), np.float32)
     mask[50:150, 50:150] = 1
-    overlap, backs = agreement(camera, mask, caster)
+    overlap, backs, _ = agreement(camera, mask, caster)
     assert overlap == pytest.approx(1.0, abs=0.03)
     assert backs == 0
     mask[:] = 0

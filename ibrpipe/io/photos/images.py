@@ -15,6 +15,7 @@ import numpy as np
 
 from ibrpipe.core.color import decode_table, srgb_encode, to_bytes
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError, ShapeError
+from ibrpipe.io.photos.coverage import coverage_of
 from ibrpipe.io.photos.image_files import LINEAR, SRGB, one_line, read_stored, turned
 from ibrpipe.types import Array
 
@@ -55,21 +56,9 @@ def read_image(path: Path, color_space: str | None = None, oriented: bool = True
 
 
 def read_coverage(path: Path, oriented: bool = True) -> Array:
-    """Read a mask file's first channel (its alpha where the file holds only that) as plain values in 0..1.
-
-    Returns
-    -------
-    (H, W) float32
-        Integer files divided by their full scale, except that 8-bit files of zeros and ones are taken as such.
-    """
+    """Read a mask file as plain values in 0..1; see `coverage_of`."""
     pixels, header = read_stored(path)
-    plane = pixels[:, :, 0]
-    if header.has_alpha and (plane == plane.flat[0]).all():
-        plane = pixels[:, :, header.channels.index("A")]
-    if header.integer:
-        scale = 1 if plane.max() == 1 else np.iinfo(plane.dtype).max
-        plane = plane.astype(np.float32) / np.float32(scale)
-    plane = np.clip(plane.astype(np.float32), 0.0, 1.0)
+    plane = coverage_of(pixels, header, lossy=path.suffix.lower() in (".jpg", ".jpeg", ".webp"))
     return np.ascontiguousarray(turned(plane, header.orientation) if oriented else plane)
 
 
