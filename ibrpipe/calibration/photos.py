@@ -55,12 +55,8 @@ def _half(root: Path) -> list[PhotoEntry]:
     images = {file.relative_to(root / "images").as_posix(): file for file in _files(root / "images")}
     images |= {name: shot.image for name, shot in shots.items()}
     names = sorted(images)
-    photos = [
-        MaskedPhoto(
-            name, images[name], shots[name].mask if name in shots else None, read_header(images[name]).has_alpha
-        )
-        for name in names
-    ]
+    named = {name: shot.mask for name, shot in shots.items()}
+    photos = [MaskedPhoto(n, images[n], named.get(n), read_header(images[n]).has_alpha) for n in names]
     entries = [_entry(photo, mask) for photo, mask in zip(photos, find_masks(root, photos)[0])]
     return [_with_camera(entry, shots[name]) if name in shots else entry for name, entry in zip(names, entries)]
 

@@ -205,7 +205,7 @@ def test_blenders_three_files(nerf: Path, tmp_path: Path) -> None:
     from ibrpipe.stages.calibrate import Inputs as CalibrateInputs
     from ibrpipe.stages.calibrate import run as calibrate
 
-    done = calibrate(CalibrateInputs(nerf, 0, tmp_path / "calibrate"), CalibrateConfig()).calibration
+    done = calibrate(CalibrateInputs(nerf, 0, tmp_path / "calibrate"), CalibrateConfig()).calibration_document
     assert json.loads(done.read_text())["decision"] == "given"
 
 
