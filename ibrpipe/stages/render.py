@@ -36,7 +36,8 @@ class RenderConfig(StageConfig):
     renderers: tuple[str, ...] = Field(
         default=("ldi",),
         min_length=1,
-        description="Renderers to use, by name, with options if need be, such as epipolar:search=nearest",
+        description="Renderers to use, by name, with options if need be, such as epipolar:search=nearest; "
+        "`ibrpipe schema renderer_NAME` prints those of one",
     )
     path: str = Field(
         default="test",

@@ -67,6 +67,31 @@ def test_deformed_copies_one_for_each_frame(tmp_path, ball):
     assert "2 moved meshes for 3 views" in wrong.output
 
 
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        (("--light", "nan", 1, 2), 1, "renderer 'relief': light is (nan, 1.0, 2.0); give a place x y z"),
+        (("--sun", "inf", 1, 2), 1, "light is (inf, 1.0, 2.0, 0.0); give a place x y z or a direction"),
+        (("--model", "shell", "--mapping", "bump"), 1, "model 'shell' shows a relief, not mapping 'bump'"),
+        (("--linear-steps", "abc"), 2, "'abc' is not a valid integer"),
+        (("--linear-steps", 0), 2, "0 is not in the range 1<=x<=4096"),
+        (("--least-steps", 4097), 2, "4097 is not in the range 1<=x<=4096"),
+        (("--binary-steps", 65), 2, "65 is not in the range 0<=x<=64"),
+        (("--anisotropy", -1), 2, "-1 is not in the range 0<=x<=64"),
+        (("--search", "best"), 2, "'best' is not one of 'exact', 'linear-binary'"),
+        (("--thickness", "nan"), 1, "thickness is nan; give a positive length"),
+        (("--repeat", "nan", 1), 1, "uv holds NaN"),
+        (("--height-range", "nan", 1), 1, "height_range is (nan, 1.0); give two different finite numbers"),
+    ],
+)
+def test_wrong_options_are_one_line(tmp_path, ball, words, code, told):
+    done = call("relief", "map", ball, "--height", tmp_path / "height.png", *words, "--out", tmp_path / "f")
+    assert done.exit_code == code
+    assert told in done.output
+    assert sum("rror: " in line for line in done.output.splitlines()) == 1
+    assert not (tmp_path / "f").exists()
+
+
 def test_failures_are_one_line(tmp_path, ball):
     done = call("relief", "map", ball, "--out", tmp_path / "f")
     assert done.exit_code == 1

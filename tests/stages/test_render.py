@@ -179,8 +179,9 @@ def test_one_renderer_with_different_options_is_two_renderers(inputs: Inputs) ->
 
 
 def test_words_numbers_and_nothing() -> None:
-    options = choose("prewarp:method=pipelined,depth_bits=8,max_step=2.5,level=none,quads=auto").options
-    assert options == {"method": "pipelined", "depth_bits": 8, "max_step": 2.5, "level": None, "quads": "auto"}
+    options = choose("prewarp:method=pipelined,depth_bits=8,max_step=2.5,level=2,quads=auto").options
+    assert options == {"method": "pipelined", "depth_bits": 8, "max_step": 2.5, "level": 2, "quads": "auto"}
+    assert choose("prewarp:max_step=none").options == {"max_step": None}
     assert choose("ldi:residuals=false").options == {"residuals": False}
     assert choose("ldi").options == {}
 

@@ -136,7 +136,7 @@ def _join_coded(members: Sequence[SpiralResiduals], scales: Array) -> tuple[obje
     parts = [_follow(r, int(last) + 1 - len(r.alphas)) for r, last in zip(members, lasts, strict=True)]
     nexts, partners, guesses = (np.concatenate([part[n] for part in parts]) for n in range(3))
     firsts = np.cumsum([0] + [len(part[2]) for part in parts])
-    ways = [r.directions[:, :2] / r.directions[:, 2:] * scale for r, scale in zip(members, scales, strict=True)]
+    slopes = [r.directions[:, :2] / r.directions[:, 2:] * scale for r, scale in zip(members, scales, strict=True)]
     spirals = (
         np.array([r.k for r in members]),
         np.array([_limit(r) for r in members]),
@@ -148,7 +148,7 @@ def _join_coded(members: Sequence[SpiralResiduals], scales: Array) -> tuple[obje
         np.array([part[3] for part in parts]),
     )  # fmt: skip
     tables = (
-        np.ascontiguousarray(np.concatenate(ways)),
+        np.ascontiguousarray(np.concatenate(slopes)),
         np.concatenate([r.sizes for r in members]).astype(np.float64),
         _starts(members),
         np.concatenate([_words(r) for r in members]),
@@ -205,16 +205,16 @@ def add(tables: Tables, color: Array, depth: Array, camera: Camera, known: Array
     int
         Pixels hit for which no residual exists.
     """
-    way = np.ascontiguousarray(camera.world_from_pixel)
+    world_from_pixel = np.ascontiguousarray(camera.world_from_pixel)
     known = np.ones_like(depth) if known is None else known
     if not tables.packed:
         lost = np.zeros(len(depth), np.int64)
         seen = np.where(known > 0, depth, np.float32(np.inf))
         frames = tables.rotations, tables.origins, tables.scales
-        shade(color, seen, camera.center, way, frames, *tables.arrays, tables.coded, tables.encode, lost)
+        shade(color, seen, camera.center, world_from_pixel, frames, *tables.arrays, tables.coded, tables.encode, lost)
         return int(lost.sum())
     eyes = np.einsum("trc,tc->tr", tables.rotations, camera.center - tables.origins)
     lost = np.zeros(numba.get_num_threads(), np.int64)
-    frames = tables.rotations @ way, eyes, tables.scales
-    add_residuals(color, depth, known, way, frames, *tables.arrays, tables.encode, tables.decode, lost)
+    frames = tables.rotations @ world_from_pixel, eyes, tables.scales
+    add_residuals(color, depth, known, world_from_pixel, frames, *tables.arrays, tables.encode, tables.decode, lost)
     return int(lost.sum())
