@@ -37,6 +37,40 @@ class Part:
     effort: float
 
 
+@dataclass(frozen=True)
+class Step:
+    """A loop, or work without one, declared where it runs.
+
+    Attributes
+    ----------
+    label : str
+        What progress calls it.
+    cost : float
+        What it costs for one unit of size, seconds; only the proportions of the steps of a whole matter.
+    """
+
+    label: str
+    cost: float
+
+    def part(self, size: float) -> Part:
+        """Return it as a part of a whole."""
+        return Part(self.label, self.cost * size)
+
+    def track(self, items: Iterable[T], total: int | None = None) -> Iterator[T]:
+        """Yield `items` one by one and report how many are done."""
+        return track(items, self.label, total)
+
+    @contextmanager
+    def unheard(self) -> Iterator[None]:
+        """Count the block for the whole around it, of which alone the listener hears."""
+        around = current_whole()
+        if around is not None:
+            around.move(self.label, 0, 1)
+        yield
+        if around is not None:
+            around.move(self.label, 1, 1)
+
+
 class Whole:
     """Work of several loops, and how much of it is done.
 

@@ -23,17 +23,18 @@ from ibrpipe.io.manifest import digest, write_text
 from ibrpipe.io.points import read_points
 from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import View, ViewSet, load_view, read_views
-from ibrpipe.progress import Part, track, whole
+from ibrpipe.progress import Part, Step, whole
 from ibrpipe.reconstruction.depth import DepthConfig, estimate_depths
-from ibrpipe.reconstruction.depth.cost_model import depth_parts, megapixels, surface_parts
+from ibrpipe.reconstruction.depth.cost_model import depth_parts, megapixels
 from ibrpipe.reconstruction.depth.given import given_maps, lacking
 from ibrpipe.reconstruction.depth.spacing import spacing_of, warning
 from ibrpipe.reconstruction.document import Geometry
-from ibrpipe.reconstruction.surface.build import build_surface
+from ibrpipe.reconstruction.surface.build import build_surface, surface_parts
 from ibrpipe.reconstruction.surface.settings import SurfaceConfig
 from ibrpipe.types import Mesh
 
 SCHEMA = 1
+COVERAGE = Step("coverage", 0.2)
 
 
 class GeometryConfig(StageConfig):
@@ -103,7 +104,8 @@ def run(inputs: Inputs, config: GeometryConfig) -> Outputs:
 def _parts(views: ViewSet, config: GeometryConfig) -> list[Part]:
     """Return the loops that may run, with what they cost; those of depth end unheard where depth is given."""
     depth = [] if config.surface.method == "hull" else depth_parts(views.train, config.depth)
-    return [*depth, *surface_parts(megapixels(views.train, config.depth.max_size, 1))]
+    size = megapixels(views.train, config.depth.max_size, 1)
+    return [*depth, *surface_parts(size), COVERAGE.part(size)]
 
 
 def _from_photos(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> dict[str, Any]:
@@ -176,7 +178,7 @@ def _counts(mesh: Mesh) -> dict[str, int]:
 def _coverage(views: Sequence[View], mesh: Mesh, samples: int = 20_000) -> dict[str, Any]:
     """Say how well the photos see the surface, as the audit does of a given mesh."""
     surface = Surface(spread_points(mesh, samples), MeshCaster(mesh))
-    for view in track(views, "coverage"):
+    for view in COVERAGE.track(views):
         surface.look(view, load_view(view)[1])
     return rounded(surface.coverage())
 

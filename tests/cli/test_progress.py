@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import io
 import re
+from pathlib import Path
 
 import pytest
 
+import ibrpipe
 from ibrpipe.cli import show
-from ibrpipe.progress import Part, Whole, current_whole, listening, track, whole
-from ibrpipe.reconstruction.depth.cost_model import depth_parts, label_of, rounds_of, surface_parts
+from ibrpipe.progress import Part, Step, Whole, current_whole, listening, track, whole
+from ibrpipe.reconstruction.depth.cost_model import depth_parts, label_of, rounds_of
 from ibrpipe.reconstruction.depth.settings import DepthConfig
+from ibrpipe.reconstruction.surface.build import surface_parts
 
 
 class Clock:
@@ -112,6 +115,37 @@ def test_a_terminal_shows_the_whole_above_its_loop(clock: Clock, monkeypatch: py
     assert re.search(r"depth 2/2 .* 3/10 *\n", half), half  # the loop itself has no time of its own
     assert half.index("geometry") < half.index("depth 2/2")
     assert not display._bars.tasks  # nothing stays when all is done
+
+
+def test_a_step_is_a_part_and_its_loop() -> None:
+    step, other, seen = Step("one", 2.0), Step("two", 3.0), []
+
+    def listen(*told: object) -> None:
+        around = current_whole()
+        seen.append((*told, None if around is None else around.share))
+
+    with listening(listen), whole("all", [step.part(3), other.part(2)]):
+        with step.unheard():
+            assert seen == []
+        assert current_whole().share == 0.5
+        assert list(other.track("ab")) == ["a", "b"]
+        assert seen == [("two", 0, 2, 0.5), ("two", 1, 2, 0.75), ("two", 2, 2, 1.0)]
+    with step.unheard():  # without a whole
+        assert current_whole() is None
+
+
+def test_every_step_runs_where_it_is_declared_and_no_part_has_another_label() -> None:
+    package = Path(ibrpipe.__file__).parent
+    declared = 0
+    for path in package.rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        for line in re.findall(r"^([A-Z_, ]+) = Step\(", text, re.MULTILINE):
+            for name in line.split(", "):
+                declared += 1
+                assert f"{name}.track(" in text or f"{name}.unheard()" in text, f"{path.name}: {name}"
+        if path.name not in ("progress.py", "cost_model.py") and "synthetic" not in path.parts:
+            assert not re.search(r"(?<![\w.])Part\(", text), f"{path.name} makes a part of no step"
+    assert declared >= 11
 
 
 def test_parts_of_depth_have_the_names_of_its_loops(views_640: list) -> None:

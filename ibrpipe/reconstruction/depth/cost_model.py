@@ -47,30 +47,3 @@ def megapixels(views: Sequence[View], max_size: int, shrink: int) -> float:
     """Millions of pixels of all views' depth maps, made `shrink` times smaller."""
     sizes = (shrunk_size(*map_size(view.camera, max_size), shrink) for view in views)
     return sum(width * height for width, height in sizes) / 1e6
-
-
-#: label in progress and seconds of two cores for a million pixels of maps, in order; only proportions matter. A name
-#: that no loop has (complete, solve, simplify, which stands for the silhouette fit, too) is work unheard of: it ends
-#: with the next loop
-_STEPS = (
-    ("fuse depth maps", 0.45),
-    ("outlines", 0.05),
-    ("sum distances", 0.4),
-    ("observations", 0.1),
-    ("complete", 0.15),
-    ("masks", 0.1),
-    ("observations", 0.1),
-    ("solve", 0.7),
-    ("observations", 0.1),
-    ("observations", 0.1),
-    ("photo-consistency", 0.1),
-    ("simplify", 0.8),
-    ("backs", 0.1),
-    ("observations", 0.1),
-    ("coverage", 0.2),
-)
-
-
-def surface_parts(megapixels: float) -> list[Part]:
-    """Return the loops from depth maps of so many millions of pixels to the finished surface, with what they cost."""
-    return [Part(label, seconds * megapixels) for label, seconds in _STEPS]

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.core.reconstruction.tsdf import observe
-from ibrpipe.progress import track
+from ibrpipe.progress import Step
 from ibrpipe.reconstruction.depth.map_store import MapStore, pack
 from ibrpipe.types import Array, Mesh
+
+OBSERVATIONS = Step("observations", 0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,7 @@ def evidence(mesh: Mesh, maps: MapStore, tolerance: float, facing: Array | None 
     count = len(mesh.vertices)
     seen, through = np.zeros(count, np.int32), np.zeros(count, np.int32)
     best, slack = np.zeros(count, np.float32), np.full(count, tolerance, np.float64)
-    for each in track(maps, "observations", len(maps)):
+    for each in OBSERVATIONS.track(maps, len(maps)):
         p, away = pack([each]), np.zeros(count, bool)
         if facing is not None:
             away = ((each.camera.center - mesh.vertices) * facing).sum(axis=1) < 0

@@ -10,10 +10,11 @@ import numpy as np
 
 from ibrpipe.core.reconstruction.fusion import fuse_view
 from ibrpipe.io.dense import DepthMap
-from ibrpipe.progress import track
+from ibrpipe.progress import Step
 from ibrpipe.reconstruction.depth.map_store import LoadedMap, MapCache, MapStore, Packed, pack
 from ibrpipe.types import Array
 
+FUSE = Step("fuse depth maps", 0.45)
 #: bytes of a point of a cloud
 POINT_BYTES = 48
 
@@ -115,7 +116,7 @@ def fuse(maps: Sequence[DepthMap], rules: FusionRules, scratch: Path, memory: in
     store = MapStore(scratch)
     clouds: list[Cloud] = []
     counts, stride = np.zeros(3, np.int64), 1
-    for given in track(maps, "fuse depth maps"):
+    for given in FUSE.track(maps):
         own = cache.get(given.view.name)
         others = [cache.get(name) for name in neighbours_of(given, maps)]
         packed = pack([own, *others])

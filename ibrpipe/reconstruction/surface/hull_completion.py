@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.embree import MeshCaster
-from ibrpipe.progress import track
+from ibrpipe.progress import Step
 from ibrpipe.reconstruction.depth.evidence import evidence
 from ibrpipe.reconstruction.depth.fusion import Cloud, joined
 from ibrpipe.reconstruction.depth.map_store import MapStore
@@ -21,6 +21,7 @@ from ibrpipe.reconstruction.surface.mesh_operations import vertex_normals
 from ibrpipe.reconstruction.surface.silhouettes import Outline
 from ibrpipe.types import Array, Mesh
 
+MASKS = Step("masks", 0.1)
 #: pixels inside an outline from which on a ray must meet the object
 INSIDE = 0.75
 #: longest path through the hull that still tells where the surface is, pixels
@@ -113,7 +114,7 @@ def required_by_masks(seen: Mesh, hull: Mesh, outlines: Sequence[Outline], step:
 
     surface, bound = MeshCaster(seen), MeshCaster(hull)
     required, missed, pixels = np.zeros(len(hull.vertices), bool), 0, 0
-    for each in track(outlines, "masks"):
+    for each in MASKS.track(outlines):
         row, column = np.nonzero(each.distance < -INSIDE)
         rays = each.camera.pixel_rays(np.stack([column, row], axis=1) + 0.5)
         open_rays = rays[surface.cast(each.camera.center, rays).face < 0]

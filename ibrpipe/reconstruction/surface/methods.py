@@ -9,6 +9,7 @@ import numpy as np
 
 from ibrpipe.core.reconstruction.tsdf import SIDE
 from ibrpipe.io.views import View
+from ibrpipe.progress import Step
 from ibrpipe.reconstruction.depth.evidence import evidence
 from ibrpipe.reconstruction.depth.fusion import Cloud, Fused
 from ibrpipe.reconstruction.surface.hull_completion import complete_by_hull, complete_by_masks
@@ -29,6 +30,7 @@ from ibrpipe.reconstruction.surface.tsdf import VOXEL_BYTES, VOXELS, Weights, bl
 from ibrpipe.reconstruction.surface.visual_hull import hull_surface
 from ibrpipe.types import Array, Mesh
 
+HULL, SOLVE = Step("complete", 0.15), Step("solve", 0.7)
 #: voxels of the hull that completes, in voxels of the surface that is seen
 HULL_COARSER = 2.0
 #: voxels from every point at which a surface counts as invented
@@ -189,12 +191,14 @@ def by_poisson(sources: Sources, volume: Mesh, step: float, hull_completion: boo
     every = Cloud(volume.vertices, vertex_normals(volume), found.confidence, found.observations, spacing)
     cloud, required, completion, hull = every.chosen(kept), np.zeros((0, 3)), {}, None
     if hull_completion:
-        hull, _ = hull_surface(sources.outlines, HULL_COARSER * sources.config.voxel_pixels, sources.memory)
+        with HULL.unheard():
+            hull, _ = hull_surface(sources.outlines, HULL_COARSER * sources.config.voxel_pixels, sources.memory)
         seen = without_vertices(volume, kept)
         answer = complete_by_masks(cloud, seen, hull, sources.outlines, step)
         required, completion = answer.required, answer.measured
         cloud = complete_by_hull(answer.cloud, sources.fused.maps, seen, hull, step)
-    mesh, step = poisson_surface(cloud, step, sources.memory)
+    with SOLVE.unheard():
+        mesh, step = poisson_surface(cloud, step, sources.memory)
     distance, _ = cKDTree(cloud.position).query(mesh.vertices, distance_upper_bound=REACH * step)
     invented = ~np.isfinite(distance)
     if hull_completion:  # what would open it for a trifle stays

@@ -12,10 +12,11 @@ import numpy as np
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.io.views import View
-from ibrpipe.progress import track
+from ibrpipe.progress import Step
 from ibrpipe.reconstruction.depth.image_pyramid import Picture, forget_pictures, picture_of
 from ibrpipe.types import Array, Mesh
 
+CONSISTENCY = Step("photo-consistency", 0.1)
 #: photos that are compared, and how many are reprojected into each
 PHOTOS, PARTNERS = 12, 2
 #: angle between photos that is looked for: enough for depth to show, little enough for shine to stay, degrees
@@ -46,7 +47,7 @@ def photo_consistency(meshes: Sequence[Mesh], views: Sequence[View], middle: Arr
     """
     casters, chosen = [MeshCaster(mesh) for mesh in meshes], views[:: max(1, -(-len(views) // PHOTOS))]
     found = np.zeros((len(chosen), len(meshes)))
-    for row, view in enumerate(track(chosen, "photo-consistency")):
+    for row, view in enumerate(CONSISTENCY.track(chosen)):
         here = _picture(view)
         others = [_picture(each) for each in partners(view, views, middle)]
         for column, caster in enumerate(casters):

@@ -10,10 +10,11 @@ import numpy as np
 from ibrpipe.core.reconstruction.tsdf import silhouettes
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.views import View, load_view
-from ibrpipe.progress import track
+from ibrpipe.progress import Step
 from ibrpipe.reconstruction.depth.map_store import packed_cameras
 from ibrpipe.types import Array, Camera
 
+OUTLINES = Step("outlines", 0.05)
 #: from so many photos on, one photo alone may not cut anything away: masks have errors
 TRUST_ONE = 12
 
@@ -42,7 +43,7 @@ class Outline:
 
 def load_outlines(views: Sequence[View], most_pixels: int = 1_000_000) -> list[Outline]:
     """Read the masks of photos as distances."""
-    return [load_outline(view, most_pixels) for view in track(views, "outlines")]
+    return [load_outline(view, most_pixels) for view in OUTLINES.track(views)]
 
 
 def load_outline(view: View, most_pixels: int = 1_000_000) -> Outline:

@@ -10,11 +10,12 @@ import numpy as np
 from ibrpipe.core.reconstruction.surface_nets import SIDE, join_quads, mark_cells, place_vertices
 from ibrpipe.core.reconstruction.tsdf import integrate
 from ibrpipe.errors import CaptureError
-from ibrpipe.progress import track
+from ibrpipe.progress import Step
 from ibrpipe.reconstruction.depth.map_store import LoadedMap, MapStore, pack
 from ibrpipe.reconstruction.surface.silhouettes import Outline, chosen_bound
 from ibrpipe.types import Array, Mesh
 
+DISTANCES = Step("sum distances", 0.4)
 VOXELS = SIDE**3
 #: bytes a voxel takes while distances are summed, extracted and joined
 VOXEL_BYTES = 32
@@ -101,7 +102,7 @@ def summed(blocks: Blocks, maps: MapStore, outlines: Sequence[Outline], weights:
     total, free = np.zeros((count, VOXELS, 2), np.float32), np.zeros((count, VOXELS), np.float32)
     bound = np.full((free.size if outlines else 0, 2), -np.inf, np.float32)
     length = weights.truncation * blocks.step
-    for index, each in enumerate(track(maps, "sum distances", len(maps))):
+    for index, each in enumerate(DISTANCES.track(maps, len(maps))):
         p = pack([each])
         seen = np.abs((each.normal * _toward(each)).sum(axis=2)).ravel()
         limits = np.array([length, each.camera.K[0, 0]], np.float64)

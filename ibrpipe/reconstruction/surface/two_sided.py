@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from ibrpipe.embree import MeshCaster
-from ibrpipe.progress import track
+from ibrpipe.progress import Step
 from ibrpipe.reconstruction.depth.map_store import LoadedMap, MapStore
 from ibrpipe.reconstruction.surface.mesh_operations import (
     adjacency,
@@ -32,6 +32,7 @@ from ibrpipe.reconstruction.surface.mesh_operations import (
 from ibrpipe.reconstruction.surface.silhouette_fit import unfolded
 from ibrpipe.types import Array, Mesh
 
+BACKS = Step("backs", 0.1)
 #: voxels behind a back at which depth is still in place
 BEHIND = 2.0
 #: least distance between both sides, voxels
@@ -148,7 +149,7 @@ def backs_seen(mesh: Mesh, maps: MapStore, step: float, melt: float) -> Backs:
     caster, count = MeshCaster(mesh), len(mesh.vertices)
     balance, blank, total, pixels = (np.zeros(count) for _ in range(4))
     shown, right = 0, 0
-    for each in track(maps, "backs", len(maps)):
+    for each in BACKS.track(maps, len(maps)):
         look = _looks(caster, each)
         in_place = (
             look.known & (look.before <= np.where(look.back, melt, BEHIND) * step) & (look.before >= -BEHIND * step)
