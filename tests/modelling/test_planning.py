@@ -139,7 +139,7 @@ def test_settings_overrule_the_measurement(measured):
     config = PlanConfig(samples=4000, texel=0.1, k=1 / 24, residuals="never", max_layers=1, rectangles=(FRONT,))
     (texture,), reasons = make_plan(ball.caster, ball.photos, config, 0)
     assert (texture.rectangle.width, texture.rectangle.height) == (32, 24)
-    assert (by_name(reasons)["k"]["choice"], texture.components, texture.max_layers) == (round(1 / 24, 6), (), 1)
+    assert (by_name(reasons)["k"]["choice"], texture.components, texture.max_layers) == (1 / 24, (), 1)
     for what in ("texel", "k", "residuals of front"):
         assert by_name(reasons)[what]["reason"] == "set by the pipeline file"
 

@@ -46,7 +46,7 @@ def sources(tiny_ball: Path, tmp_path_factory: pytest.TempPathFactory) -> Source
 def build(sources: Sources, out: Path, **settings: object) -> dict:
     out.mkdir(exist_ok=True)
     inputs = residuals.Inputs(sources.views, sources.mesh, sources.plan, sources.layers, out)
-    summary = residuals.run(inputs, ResidualsConfig(**settings)).summary
+    summary = residuals.run(inputs, ResidualsConfig(**settings)).residuals_document
     return json.loads(summary.read_text(encoding="utf-8"))
 
 
