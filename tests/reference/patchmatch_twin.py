@@ -100,6 +100,25 @@ def disagreement(view, other, i, j, q, most):
     return min(np.hypot(s / r - x, t / r - y), most) if back > 0 and r > 1e-6 else most
 
 
+def agrees(plane, view, other, limits, lens, i, j):
+    """Does the neighbour's own plane, other (3, H, W), lead back to the pixel, its depth and its normal?"""
+    x, y = j + 0.5, i + 0.5
+    M, m = view[:9].reshape(3, 3), view[9:12]
+    u, v, w = M @ [x, y, 1] + m * plane[0]
+    if w <= 1e-6 or not (0 <= u / w < view[12] and 0 <= v / w < view[13]):
+        return False
+    u, v = u / w, v / w
+    q, a, b = other[:, int(v), int(u)].astype(float)
+    back = q + a * (u - int(u) - 0.5) + b * (v - int(v) - 0.5)
+    s, t, r = view[16:25].reshape(3, 3) @ [u, v, 1] + view[25:28] * back
+    if not (q > 0 and back > 0 and r > 1e-6 and abs(r * plane[0] / back - 1) < limits[1]):
+        return False
+    g = M.T @ [a, b, back - a * u - b * v]
+    seen = normal_of((g @ [x, y, 1], g[0], g[1]), x, y, lens)
+    own = normal_of(plane.astype(float), x, y, lens)
+    return bool(np.hypot(s / r - x, t / r - y) < limits[0] and seen @ own > limits[2])
+
+
 def regions(i, j):
     for far in (False, True):
         for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):

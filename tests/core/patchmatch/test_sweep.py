@@ -105,6 +105,7 @@ def test_random_planes_equal_the_twin(scene):
     assert np.isclose(state[0][scene[1] > 0].mean(), 0.55, atol=0.03)
 
 
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="minutes as plain Python, which half a sweep above runs, too")
 def test_sweeps_find_the_plane_whatever_the_threads(scene):
     found = []
     for threads in (1, numba.config.NUMBA_NUM_THREADS):
@@ -142,3 +143,55 @@ def test_agreement_counts_neighbours_with_the_same_depth_and_normal(scene):
     assert count[10, 13] == 1
     count_agreeing(LENS, np.array([2.0, 0.02, -1.0]), views, planes, state, count)
     assert count[10, 13] >= 2
+
+
+def test_agreement_equals_the_twin_on_disturbed_planes(scene):
+    _, _, views, truth = scene
+    rng = np.random.default_rng(11)
+    state = np.concatenate([truth, np.zeros((1, *SIZE))]).astype(np.float32)
+    state[0][rng.random(SIZE) < 0.1] = 0
+    state[1:3] += rng.normal(0, 2e-3, (2, *SIZE))
+    centers = ([0.3, 0, 0], [-0.2, 0.1, 0.05], [0.0, -0.3, 0.0])
+    planes = np.stack([truth / (1 - NORMAL @ center) for center in centers])
+    planes[:, 0] *= 1 + rng.normal(0, 0.006, planes[:, 0].shape)
+    planes[:, 1:] += rng.normal(0, 2e-3, planes[:, 1:].shape)
+    planes[:, 0][rng.random(planes[:, 0].shape) < 0.1] = 0
+    planes = planes.astype(np.float32)
+    limits, count = np.array([0.3, 0.006, np.cos(np.radians(12))]), np.full(SIZE, 77, np.uint8)
+    count_agreeing(LENS, limits, views, planes.reshape(3, 3, -1), state, count)
+    wanted = np.zeros(SIZE, int)
+    for i, j in np.argwhere(state[0] > 0):
+        wanted[i, j] = sum(twin.agrees(state[:3, i, j], *each, limits, LENS, i, j) for each in zip(views, planes))
+    np.testing.assert_array_equal(count, wanted)
+    assert set(wanted.ravel()) == {0, 1, 2, 3}
+
+
+def test_depths_and_normals_of_planes_equal_the_twin():
+    rng = np.random.default_rng(12)
+    state = rng.uniform((0.2, -0.02, -0.02, 0), (0.9, 0.02, 0.02, 1), (*SIZE, 4)).transpose(2, 0, 1).astype(np.float32)
+    state[0][rng.random(SIZE) < 0.2] = 0
+    depth, normal = np.empty(SIZE, np.float32), np.empty((*SIZE, 3), np.float32)
+    depths_and_normals(LENS, state, depth, normal)
+    known = state[0] > 0
+    np.testing.assert_allclose(depth[known] * state[0][known], 1, rtol=1e-6)
+    assert not depth[~known].any()
+    assert not normal[~known].any()
+    for i, j in np.argwhere(known):
+        wanted = twin.normal_of(state[:3, i, j].astype(float), j + 0.5, i + 0.5, LENS)
+        np.testing.assert_allclose(normal[i, j], wanted, atol=1e-5)
+
+
+def test_pictures_without_a_valid_pixel_and_without_any(scene):
+    greys, _, views, _ = scene
+    state = started(np.zeros(SIZE, np.uint8))
+    assert np.isinf(state[3]).all()
+    assert not state[:3].any()
+    run((greys, np.zeros(SIZE, np.uint8), views, np.ones((3, *SIZE))), state, (0, 1))
+    assert not state[:3].any()
+    none = np.empty((4, 0, 5), np.float32)
+    random_planes(LENS, np.empty((0, 5), np.uint8), 0.3, 0.8, 7, none)
+    depths_and_normals(LENS, none, np.empty((0, 5), np.float32), np.empty((0, 5, 3), np.float32))
+    count_agreeing(LENS, np.ones(3), views, np.zeros((3, 3, 4), np.float32), none, np.empty((0, 5), np.uint8))
+    alone = np.full(SIZE, 9, np.uint8)
+    count_agreeing(LENS, np.ones(3), np.empty((0, 32)), np.empty((0, 3, 4), np.float32), state, alone)
+    assert not alone.any()
