@@ -231,10 +231,10 @@ def list_row(height, cells, view, base, vertices, ends, boxes, listed, count, ou
         x0, x1, x2, x3 = xs[old + k], xs[old + k + 1], xs[new + k], xs[new + k + 1]
         y0, y1, y2, y3 = ys[old + k], ys[old + k + 1], ys[new + k], ys[new + k + 1]
         w0, w1, w2, w3 = ws[old + k], ws[old + k + 1], ws[new + k], ws[new + k + 1]
-        boxes[k] = max(math.ceil(min(min(x0, x1), min(x2, x3)) - (0.5 + WIDEN)), 0.0)
-        boxes[BLOCK + k] = min(math.floor(max(max(x0, x1), max(x2, x3)) - (0.5 - WIDEN)), columns - 1.0)
-        boxes[2 * BLOCK + k] = max(math.ceil(min(min(y0, y1), min(y2, y3)) - (0.5 + WIDEN)), 0.0)
-        boxes[3 * BLOCK + k] = min(math.floor(max(max(y0, y1), max(y2, y3)) - (0.5 - WIDEN)), rows - 1.0)
+        boxes[k] = max(np.ceil(min(min(x0, x1), min(x2, x3)) - (0.5 + WIDEN)), 0.0)
+        boxes[BLOCK + k] = min(np.floor(max(max(x0, x1), max(x2, x3)) - (0.5 - WIDEN)), columns - 1.0)
+        boxes[2 * BLOCK + k] = max(np.ceil(min(min(y0, y1), min(y2, y3)) - (0.5 + WIDEN)), 0.0)
+        boxes[3 * BLOCK + k] = min(np.floor(max(max(y0, y1), max(y2, y3)) - (0.5 - WIDEN)), rows - 1.0)
         boxes[4 * BLOCK + k] = min(min(w0, w1), min(w2, w3))
         boxes[5 * BLOCK + k] = 0.25 * ((w0 + w1) + (w2 + w3))
     for k in range(i1 - i0):

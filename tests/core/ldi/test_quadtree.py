@@ -40,3 +40,32 @@ def test_levels_end_in_one_block():
     assert meta[:, 1].tolist() == [9, 5, 3, 2, 1]
     assert meta[:, 2].tolist() == [5, 3, 2, 1, 1]
     assert meta[1:, 0].tolist() == np.cumsum(meta[:-1, 1] * meta[:-1, 2]).tolist()
+
+
+def test_one_halving_equals_a_scan_of_four():
+    rng = np.random.default_rng(3)
+    meta = quadtree.plan_levels(5, 3)
+    nodes = np.zeros(meta[-1, 0] + 1, np.uint32)
+    low = rng.integers(0, 1000, 15)
+    cells = np.where(rng.random(15) < 0.4, quadtree.EMPTY, low | (low + 5) << 16).astype(np.uint32)
+    nodes[:15] = cells
+    quadtree.halve_bounds(nodes, meta, 1)
+    np.testing.assert_array_equal(nodes[:15], cells)
+    for j in range(3):
+        for i in range(2):
+            four = cells.reshape(5, 3)[2 * j : 2 * j + 2, 2 * i : 2 * i + 2].ravel()
+            want = int((four & 0xFFFF).min()) | int((four >> 16).max()) << 16
+            assert nodes[meta[1, 0] + 2 * j + i] == want
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (4, 7), (3, 0), (0, 3)])
+def test_rows_are_measured_over_what_is_there(shape):
+    rng = np.random.default_rng(5)
+    height = rng.random(shape).astype(np.float32)
+    height[rng.random(shape) < 0.3] = np.nan
+    height[-1:] = np.nan
+    near, far = np.empty(shape[0], np.float32), np.empty(shape[0], np.float32)
+    quadtree.measure_heights(height, near, far)
+    for row, least, greatest in zip(height, near, far, strict=True):
+        some = row[np.isfinite(row)]
+        assert (least, greatest) == ((some.min(), some.max()) if len(some) else (np.inf, -np.inf))
