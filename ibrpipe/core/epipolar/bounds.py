@@ -44,7 +44,7 @@ def halve_band(nodes, meta, band):
 @kernel
 def bound_heights(height, low, scale, meta, nodes):
     # height (H, W) f32, NaN = hole; levels 0 to BAND_LEVELS of nodes are filled
-    columns, rows = height.shape[1] - 1, height.shape[0] - 1
+    columns, rows, zero = height.shape[1] - 1, height.shape[0] - 1, np.float32(0.0)
     for band_number in prange(-(-rows // BAND)):
         band = np.int64(band_number)
         for j in range(band * BAND, min((band + 1) * BAND, rows)):
@@ -53,6 +53,7 @@ def bound_heights(height, low, scale, meta, nodes):
                 p, q, r, s = a if a < b else b, c if c < e else e, b if a < b else a, e if c < e else c
                 near, far = p if p < q else q, r if r > s else s
                 whole = (a + b) + (c + e)
+                near, far = near if whole == whole else zero, far if whole == whole else zero
                 packed = pack_bounds(float(near), float(far), low, scale)
                 nodes[j * columns + i] = packed if whole == whole else np.uint32(EMPTY)
         halve_band(nodes, meta, band)
