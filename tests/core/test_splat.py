@@ -21,7 +21,7 @@ def one_by_one(raster, pixel, eye, base, grow, shape):
     for sample, d in enumerate(raster.depth.ravel().astype(float)):
         v, u = divmod(sample, raster.depth.shape[1])
         x, y, w = pixel @ (u, v, d, 1.0)
-        t = -w / d if raster.place.perspective else w
+        t = -w / d if raster.pose.perspective else w
         if not (t > eye and w > 0):
             continue
         x, y = x / w, y / w
@@ -40,10 +40,10 @@ def one_by_one(raster, pixel, eye, base, grow, shape):
 def test_nearest_footprints_win(name, view, chunks):
     camera, field = CAMERAS[view], build_field(SOURCES[name])
     raster = build_raster(SOURCES[name], field, 0.0)
-    pixel, shape = raster.place.pixels(camera), (camera.height, camera.width)
+    pixel, shape = raster.pose.pixel_from_field(camera), (camera.height, camera.width)
     depth, ids = np.full((chunks, *shape), np.inf, np.float32), np.full((chunks, *shape), 2**32 - 1, np.uint32)
     flat, stride = raster.depth.ravel(), raster.depth.shape[1]
-    splat_samples(flat, stride, pixel, raster.place.perspective, 0.01, 5, 1.2, depth, ids)
+    splat_samples(flat, stride, pixel, raster.pose.perspective, 0.01, 5, 1.2, depth, ids)
     merge(depth, ids)
     want, numbers = one_by_one(raster, pixel, 0.01, 5, 1.2, shape)
     assert np.isfinite(want).any()

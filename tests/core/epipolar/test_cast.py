@@ -12,7 +12,7 @@ from small_fields import CAMERAS, depth_image, empty_picture, layers, lies_betwe
 from ibrpipe.core.epipolar import cast, patches, sweep
 from ibrpipe.core.epipolar import lines as el
 from ibrpipe.renderers.fields import build_field
-from ibrpipe.renderers.ldi import pack_rays
+from ibrpipe.renderers.ldi.renderer import pack_rays
 from ibrpipe.renderers.search.epipolar_lines import COARSENESS, EYE, FINEST, SPACING, height_map, patch_map
 from ibrpipe.types import Camera
 
@@ -26,9 +26,9 @@ def map_of(source):
 
 
 def swept(one, camera, parts=2):
-    start, turn = one.field.place.rays(camera)
+    start, turn = one.field.pose.field_from_pixel(camera)
     sectors, edges, entries = el.lay_lines(
-        start, turn, one.field.place.pixels(camera), (one.box[0], one.box[1]), (camera.width, camera.height),
+        start, turn, one.field.pose.pixel_from_field(camera), (one.box[0], one.box[1]), (camera.width, camera.height),
         SPACING, FINEST, COARSENESS, (one.box[2], one.box[3]),
     )  # fmt: skip
     table, groups = np.full(entries, np.inf, np.float32), np.zeros(5, np.int64)
@@ -44,7 +44,7 @@ def swept(one, camera, parts=2):
 def test_no_pixel_starts_after_its_hit(name, view):
     source, camera = SOURCES[name], CAMERAS[view]
     one = map_of(source)
-    start, turn = one.field.place.rays(camera)
+    start, turn = one.field.pose.field_from_pixel(camera)
     sectors, table = swept(one, camera)
     hits, checked = ldi_twin.cast(source, camera, 0.0), 0
     for y, x in np.argwhere(np.isfinite(hits)):
@@ -65,7 +65,7 @@ def test_no_pixel_starts_after_its_hit(name, view):
 
 def cast_one(source, camera, lines=None, parts=2):
     one, (depth, ids) = map_of(source), empty_picture(camera)
-    field, pyramid, view = one.field, (one.nodes, one.meta, one.grid), one.field.place.rays(camera)
+    field, pyramid, view = one.field, (one.nodes, one.meta, one.grid), one.field.pose.field_from_pixel(camera)
     lines, eye = lines or swept(one, camera, parts), EYE * one.field.reach
     if hasattr(field, "height"):
         heights = (field.height.ravel(), field.height.shape[1])
@@ -97,7 +97,7 @@ def test_where_lines_let_rays_start_changes_nothing(name):
 @pytest.mark.parametrize("mask", [15, 1, 6, 0])
 def test_one_ray_meets_one_patch_as_the_twin_does(mask):
     field, camera = build_field(layers()), Camera.look_at((2, 1, -9), (4, 3, 1.5), fov_y_deg=8, width=17, height=13)
-    start, turn = field.place.rays(camera)
+    start, turn = field.pose.field_from_pixel(camera)
     view, depths = (pack_rays(start, turn), 0.0), np.array([1.1, 1.6, 1.3, 0.9])
     present, found = [bool(mask & (1 << k)) for k in range(4)], 0
     for y, x in np.ndindex(camera.height, camera.width):

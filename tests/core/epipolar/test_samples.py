@@ -37,14 +37,14 @@ def camera_of(name):
 def laid(source, camera, linear):
     field = build_field(source)
     raster = build_raster(source, field, 1e-9 * field.reach)
-    start, turn = raster.place.rays(camera)
-    pixels, (rows, columns) = raster.place.pixels(camera), raster.depth.shape
+    start, turn = raster.pose.field_from_pixel(camera)
+    pixels, (rows, columns) = raster.pose.pixel_from_field(camera), raster.depth.shape
     search = "linear" if linear else "nearest"
     sectors, edges, entries = el.lay_lines(
         start, turn, pixels, (columns - 1, rows - 1), (camera.width, camera.height), SPACING[search], FINEST[search],
         0.0,
     )  # fmt: skip
-    return raster, (start, turn, pixels[2], raster.place.perspective), sectors, edges, entries
+    return raster, (start, turn, pixels[2], raster.pose.perspective), sectors, edges, entries
 
 
 def searched(source, camera, linear, parts=2):

@@ -9,7 +9,8 @@ from small_fields import CAMERAS, layers, lies_between
 
 from ibrpipe.core.ldi import project
 from ibrpipe.renderers.fields import build_field
-from ibrpipe.renderers.ldi import EYE, pack_rays
+from ibrpipe.renderers.ldi.renderer import pack_rays
+from ibrpipe.renderers.search.epipolar_lines import EYE
 from ibrpipe.renderers.search.patches import pack_blocks
 
 VIEWS = ["front", "low", "within"]
@@ -17,12 +18,12 @@ VIEWS = ["front", "low", "within"]
 
 def packed(source, camera):
     field = build_field(source)
-    start, turn = field.place.rays(camera)
-    pixels = field.place.pixels(camera)
+    start, turn = field.pose.field_from_pixel(camera)
+    pixels = field.pose.pixel_from_field(camera)
     sign = np.sign(np.linalg.det(pixels[:, :3])) * np.sign(start[3])
     views = (
         pixels[None], pack_rays(start, turn)[None], np.array([EYE * field.reach]), np.array([sign]),
-        np.array([field.place.perspective]),
+        np.array([field.pose.perspective]),
     )  # fmt: skip
     return field, pack_blocks([field]), views
 
@@ -60,7 +61,7 @@ def test_without_blocks_nothing_is_hit():
 
 def homogeneous(blocks, views, k):
     """(4, 3) homogeneous pixels of the corners of patch k of block 0."""
-    u, v = blocks.places[0, :, k].astype(float)
+    u, v = blocks.patches[1][0, :, k].astype(float)
     d = blocks.corners[0, :, k].astype(float)
     places = np.array([[u, v, d[0], 1], [u + 1, v, d[1], 1], [u, v + 1, d[2], 1], [u + 1, v + 1, d[3], 1]])
     return places @ views[0][0].T
@@ -79,7 +80,7 @@ def test_boxes_hold_the_pixels_of_their_patches(view):
     field, blocks, views = packed(layers(), camera)
     boxes, count = np.empty((6, project.BLOCK)), len(field.corners)
     project.bound_boxes(
-        0, count, 0, blocks.corners, blocks.places, views[0], False, views[3][0], camera.width, camera.height, boxes
+        0, count, 0, blocks.corners, blocks.patches[1], views[0], False, views[3][0], camera.width, camera.height, boxes
     )
     seen = 0
     for k in range(count):
@@ -107,7 +108,7 @@ def test_patches_beyond_the_picture_are_known(view):
     field, blocks, views = packed(layers(), camera)
     for k in range(len(field.corners)):
         found = project.beyond_picture(
-            0, k, 0, blocks.places, blocks.corners, views[0], camera.width, camera.height
+            0, k, 0, blocks.patches[1], blocks.corners, views[0], camera.width, camera.height
         )  # fmt: skip
         assert found == is_beyond(homogeneous(blocks, views, k), camera)
 
@@ -135,7 +136,7 @@ def test_listed_pieces_are_met_once_their_list_is_full_or_when_asked():
     camera = CAMERAS["front"]
     field, blocks, views = packed(layers(), camera)
     boxes, count, size = np.empty((6, project.BLOCK)), len(field.corners), (camera.width, camera.height)
-    project.bound_boxes(0, count, 0, blocks.corners, blocks.places, views[0], False, views[3][0], *size, boxes)
+    project.bound_boxes(0, count, 0, blocks.corners, blocks.patches[1], views[0], False, views[3][0], *size, boxes)
     counts, listed = np.zeros(4, np.int64), np.empty((4, 9, project.LIST), np.float32)
     tags, keys = np.empty((4, 5, project.LIST), np.int64), np.full((1, 17 * 13), project.NOTHING, np.int64)
     project.list_pieces(0, count, 0, blocks.patches, views, size, boxes, (counts, listed, tags), keys, 0)

@@ -9,7 +9,8 @@ from small_fields import CAMERAS, lies_between, relief
 
 from ibrpipe.core.ldi import project_heights as ph
 from ibrpipe.renderers.fields import build_field
-from ibrpipe.renderers.ldi import EYE, pack_rays
+from ibrpipe.renderers.ldi.renderer import pack_rays
+from ibrpipe.renderers.search.epipolar_lines import EYE
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (7, 9), (18, 70), (35, 66)])
@@ -29,7 +30,7 @@ def test_bounds_of_blocks_equal_a_scan(shape):
 
 
 def view_of(field, camera):
-    return field.place.pixels(camera), pack_rays(*field.place.rays(camera)), EYE * field.reach
+    return field.pose.pixel_from_field(camera), pack_rays(*field.pose.field_from_pixel(camera)), EYE * field.reach
 
 
 @pytest.mark.parametrize("view", CAMERAS)

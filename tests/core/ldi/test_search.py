@@ -20,7 +20,7 @@ def searched(source, camera, window=None, base=5):
     window = np.array([0, camera.width, 0, camera.height]) if window is None else window
     for sheet in build_sheets(build_field(source), base):
         pyramid, front = (sheet.nodes, sheet.meta, sheet.grid), bool(len(sheet.leaves[1]))
-        view = sheet.place.rays(camera)
+        view = sheet.pose.field_from_pixel(camera)
         search_field(view, sheet.box, pyramid, sheet.leaves, front, window, sheet.base, depth, ids)
     return depth, ids
 
@@ -46,6 +46,6 @@ def test_only_pixels_of_the_window_are_searched_and_nearer_hits_stay():
     picture, ids = np.full(depth.shape, 0.5, np.float32), np.full(depth.shape, 9, np.uint32)
     sheet = build_sheets(build_field(source), 0)[0]
     pyramid, window = (sheet.nodes, sheet.meta, sheet.grid), np.array([0, 17, 0, 13])
-    search_field(sheet.place.rays(camera), sheet.box, pyramid, sheet.leaves, False, window, 0, picture, ids)
+    search_field(sheet.pose.field_from_pixel(camera), sheet.box, pyramid, sheet.leaves, False, window, 0, picture, ids)
     assert (picture == 0.5).all()
     assert (ids == 9).all()

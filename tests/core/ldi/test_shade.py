@@ -7,7 +7,7 @@ import pytest
 from small_fields import CAMERAS, layers, relief
 
 from ibrpipe.core.ldi import shade
-from ibrpipe.renderers.ldi import find_hits
+from ibrpipe.renderers.ldi.renderer import find_hits
 from ibrpipe.renderers.scene import prepare
 
 CAMERA = CAMERAS["front"]
@@ -28,7 +28,7 @@ def test_heights_take_the_mean_of_four_texels():
     source = relief()
     scene, depth, ids = hits_of(source)
     (_, field, base), color = scene.heights[0], source.color
-    start, turn = field.place.rays(CAMERA)
+    start, turn = field.pose.field_from_pixel(CAMERA)
     out, known = np.full((*depth.shape, 3), -1, np.float32), np.zeros(depth.shape, np.float32)
     ids[3, 4] = base + field.cells  # of another field
     shade.shade_heights(depth, ids, base, start, turn, color, out, known)
@@ -51,7 +51,7 @@ def test_patches_take_the_mean_of_the_corners_that_are_known(unseen):
     records, color = scene.records
     color = color.copy()
     color[:, 3] = 0.0 if unseen else np.arange(len(color)) % 3 > 0
-    start, turn = scene.patches[0][1].place.rays(CAMERA)
+    start, turn = scene.patches[0][1].pose.field_from_pixel(CAMERA)
     out, known = np.zeros((*depth.shape, 3), np.float32), np.full(depth.shape, -1, np.float32)
     shade.shade_patches(depth, ids, records, start[None], turn[None], color, out, known)
     assert (known[np.isinf(depth)] == -1).all()

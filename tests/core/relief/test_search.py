@@ -44,7 +44,7 @@ def test_blocks_equal_a_scan(shape, gap):
 
 
 def rays_of(field, camera):
-    start, turn = field.place.rays(camera)
+    start, turn = field.pose.field_from_pixel(camera)
     return np.ascontiguousarray(start[:3]), np.ascontiguousarray(turn[:3]).ravel()
 
 
@@ -69,7 +69,7 @@ def test_exact_hits_equal_brute_force(view, holes):
     larger, smaller = (ldi_twin.cast(source, camera, slack) for slack in (1e-5, -1e-5))
     lies_between(depth, larger, smaller, tight=2e-5)
     field = build_field(source)
-    start, turn = field.place.rays(camera)
+    start, turn = field.pose.field_from_pixel(camera)
     for y, x in np.argwhere(np.isfinite(depth)):
         want = start + float(depth[y, x]) * turn @ (x + 0.5, y + 0.5, 1.0)
         np.testing.assert_allclose(places[y, x], want[:2], atol=1e-4)
@@ -124,7 +124,7 @@ def test_a_field_of_holes_is_nowhere():
 
 def test_places_of_numbered_cells():
     field, camera = build_field(relief()), CAMERAS["front"]
-    start, turn = field.place.rays(camera)
+    start, turn = field.pose.field_from_pixel(camera)
     depth, ids = np.full((13, 17), 10.0, np.float32), np.full((13, 17), 2**32 - 1, np.uint32)
     ids[5, 6], ids[7, 8] = 3 * 8 + 2, 0
     places = np.full((13, 17, 2), np.nan)
