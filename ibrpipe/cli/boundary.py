@@ -43,6 +43,11 @@ def one_line() -> Iterator[None]:
         raise Failure(f"not enough memory ({error or 'no figure given'}); use smaller photos or settings") from error
     except IbrError as error:
         raise Failure(str(error)) from error
+    except UnicodeEncodeError as error:
+        if "surrogates" not in error.reason:
+            raise
+        name = str(error.object).encode("utf-8", "backslashreplace").decode("utf-8")
+        raise Failure(f"a file or folder has a name that is not UTF-8 ({name[:200]}); rename it") from error
     except OSError as error:
         told = _told(error)
         if told is None:

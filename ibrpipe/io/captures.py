@@ -19,7 +19,12 @@ from ibrpipe.io.cameras.lenses import Keep, undistorted_calibration
 from ibrpipe.io.cameras.shots import PHOTO_SUFFIXES, CameraSet, Shot
 from ibrpipe.io.cameras.sources import has_cameras as has_cameras
 from ibrpipe.io.cameras.sources import has_test, read_cameras
-from ibrpipe.io.photos.exposure import gains_from_csv, gains_from_exif, read_exposure_csv
+from ibrpipe.io.photos.exposure import (
+    gains_from_csv,
+    gains_from_exif,
+    gains_from_partial_exif,
+    read_exposure_csv,
+)
 from ibrpipe.io.photos.image_files import ImageHeader, read_header
 from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
 from ibrpipe.io.surfaces.meshes import SUFFIXES, has_faces
@@ -132,7 +137,9 @@ def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Cap
     test_shots = tests.shots + tests.held_out
     told.warnings.extend([*_unposed(root, shots + held), *_unposed(root / "test", test_shots)])
     headers, held_headers, test_headers = _headers(shots), _headers(held), _headers(test_shots)
-    gains, exposure = _gains(root, shots + held + test_shots, headers + held_headers + test_headers, options.exposure)
+    gains, exposure = _gains(
+        root, shots + held + test_shots, headers + held_headers + test_headers, options.exposure, told
+    )
     count, rest = len(shots), len(shots) + len(held)
     own = _views(root, shots + held, headers + held_headers, gains[:rest], options, told)
     train, test = own[:count], own[count:]
@@ -290,7 +297,7 @@ def _names(files: list[str]) -> list[str]:
 
 
 def _gains(
-    root: Path, shots: tuple[Shot, ...], headers: list[ImageHeader], exposure: Exposure
+    root: Path, shots: tuple[Shot, ...], headers: list[ImageHeader], exposure: Exposure, told: _Told
 ) -> tuple[list[float], str]:
     table = root / "exposure.csv"
     if exposure == "csv" and not table.is_file():
@@ -299,6 +306,11 @@ def _gains(
         return gains_from_csv(read_exposure_csv(table), [shot.file for shot in shots], table), "csv"
     if exposure in ("exif", "auto"):
         gains = gains_from_exif(headers)
+        if gains is not None:
+            return gains, "exif"
+        gains, text = gains_from_partial_exif(headers, [shot.file for shot in shots])
+        if text:
+            told.warnings.append(text)
         if gains is not None:
             return gains, "exif"
         if exposure == "exif":

@@ -88,6 +88,47 @@ def gains_from_exif(headers: Sequence[ImageHeader]) -> list[float] | None:
     return [2.0 ** (middle - value) for value in stops if value is not None]
 
 
+#: EXIF figures that make an exposure, by what people call them, and how stops count them
+_FIGURES = {
+    "exposure time": ("ExposureTime", 1.0),
+    "f-number": ("FNumber", -2.0),
+    "ISO": ("Exif:PhotographicSensitivity", 1.0),
+}
+
+
+def gains_from_partial_exif(headers: Sequence[ImageHeader], files: Sequence[str]) -> tuple[list[float] | None, str]:
+    """Linear gains as `gains_from_exif`, where photos lack some of the figures, and what is to be told of that.
+
+    A figure that no photo has (a manual lens states no f-number) counts as the same for all; one that few photos lack
+    counts as the median of the others'. Where half of the photos or more have no exposure time, nothing is known.
+
+    Parameters
+    ----------
+    headers : sequence of ImageHeader
+    files : sequence of str
+        Names of the photos, for what is told.
+    """
+    stops, told = [0.0] * len(headers), []
+    times = sum(header.metadata.get("ExposureTime", 0.0) > 0 for header in headers)
+    if 2 * times <= len(headers):
+        text = f"only {times} of {len(headers)} photos state an exposure time in EXIF: exposure is not compensated"
+        return None, text if times else ""
+    for name, (key, power) in _FIGURES.items():
+        values = [header.metadata.get(key, 0.0) for header in headers]
+        known = sorted(value for value in values if value > 0)
+        lack = [file for file, value in zip(files, values) if value <= 0]
+        if not known:
+            told.append(f"no photo states its {name}, which counts as the same for all")
+            continue
+        middle = known[(len(known) - 1) // 2]
+        if lack:
+            told.append(f"{len(lack)} of {len(files)} photos state no {name} ({lack[0]}), {middle:g} is taken for them")
+        filled = (value if value > 0 else middle for value in values)
+        stops = [stop + power * math.log2(value) for stop, value in zip(stops, filled)]
+    middle = sorted(stops)[(len(stops) - 1) // 2]
+    return [2.0 ** (middle - value) for value in stops], "exposure from EXIF: " + "; ".join(told)
+
+
 def _number(text: str | None) -> float | None:
     try:
         value = float(text or "")

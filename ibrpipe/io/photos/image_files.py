@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError
+from ibrpipe.io.photos.channel_names import plain_names
 from ibrpipe.types import Array
 
 LINEAR = "lin_rec709_scene"
@@ -44,6 +47,8 @@ class ImageHeader:
         EXIF orientation 1..8; 1 = as stored.
     color_space : str
         Name of the space its colours are in, declared or implied.
+    profile : bytes or None
+        ICC profile, where `color_space` does not say the same.
     metadata : mapping
         EXIF figures: ``ExposureTime``, ``FNumber``, ``Exif:PhotographicSensitivity``, where present.
     """
@@ -55,6 +60,7 @@ class ImageHeader:
     orientation: int
     color_space: str
     metadata: Mapping[str, float] = field(default_factory=dict)
+    profile: bytes | None = None
 
     @property
     def upright_size(self) -> tuple[int, int]:
@@ -114,6 +120,7 @@ def one_line(text: str) -> str:
 def _open(path: Path) -> Any:
     import OpenImageIO as oiio
 
+    _check_name(path)
     if not path.is_file():
         raise MissingFileError(f"{path}: the image does not exist")
     hints = oiio.ImageSpec()
@@ -124,6 +131,21 @@ def _open(path: Path) -> Any:
         reason = one_line(oiio.geterror())
         raise FormatError(f"{path}: cannot be read as an image ({reason}); export it again as JPEG, PNG, TIFF or EXR")
     return source
+
+
+def _check_name(path: Path) -> None:
+    """Refuse names that the libraries below cannot open, and that no text file could hold."""
+    name, encoding = str(path), sys.getfilesystemencoding().lower()
+    if name.isascii():
+        return
+    shown = os.fsencode(path).decode("utf-8", "backslashreplace")
+    if encoding not in ("utf-8", "utf8"):
+        raise FormatError(f"{shown}: Python takes file names as {encoding} here; set PYTHONUTF8=1, or rename the file")
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError as error:
+        remedy = "rename it, for instance with `convmv -f latin1 -t utf8 --notest`"
+        raise FormatError(f"{shown}: the name of the file or of a folder is not UTF-8; {remedy}") from error
 
 
 def _header(spec: Any) -> ImageHeader:
@@ -137,20 +159,22 @@ def _header(spec: Any) -> ImageHeader:
     return ImageHeader(
         spec.full_width or spec.width,
         spec.full_height or spec.height,
-        tuple(spec.channelnames),
+        plain_names(tuple(spec.channelnames)),
         integer,
         orientation if 1 <= orientation <= 8 else 1,
-        _declared_space(spec, integer),
-        metadata,
+        *_declared(spec, integer, metadata),
     )
 
 
-def _declared_space(spec: Any, integer: bool) -> str:
-    profile = spec.get_string_attribute("ICCProfile:profile_description", "").lower()
+def _declared(spec: Any, integer: bool, metadata: dict[str, float]) -> tuple[str, dict[str, float], bytes | None]:
+    """Name of the colour space; `metadata`; the ICC profile where no name says the same."""
+    named = spec.get_string_attribute("oiio:ColorSpace", "") or (SRGB if integer else LINEAR)
+    description = spec.get_string_attribute("ICCProfile:profile_description", "").lower()
     for words, name in _PROFILES.items():
-        if words in profile:
-            return name
-    return spec.get_string_attribute("oiio:ColorSpace", "") or (SRGB if integer else LINEAR)
+        if words in description:
+            return name, metadata, None
+    stored = spec.getattribute("ICCProfile")
+    return named, metadata, None if stored is None else np.asarray(stored, np.uint8).tobytes()
 
 
 def _on_display_window(pixels: Array, spec: Any) -> Array:

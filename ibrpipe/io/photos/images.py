@@ -16,10 +16,13 @@ import numpy as np
 from ibrpipe.core.color import decode_table, srgb_encode, to_bytes
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError, ShapeError
 from ibrpipe.io.photos.coverage import coverage_of
+from ibrpipe.io.photos.icc import Profile, read_profile
 from ibrpipe.io.photos.image_files import LINEAR, SRGB, one_line, read_stored, turned
 from ibrpipe.types import Array
 
 #: OpenImageIO stamps the time of writing into EXR files unless one is given; equal input must give equal bytes
+#: What renderers store in depth maps where nothing is: this or more, and the largest half float
+NOWHERE, HALF_MAX = 1e9, 65504.0
 FIXED_DATE = "2000:01:01 00:00:00"
 
 
@@ -49,7 +52,11 @@ def read_image(path: Path, color_space: str | None = None, oriented: bool = True
     names = _colour_channels(header.channels)
     chosen = [header.channels.index(name) for name in names]
     pixels = np.ascontiguousarray(pixels[:, :, chosen])
-    linear = _linear(pixels, len(names) - header.has_alpha, color_space or header.color_space, path)
+    colours = len(names) - header.has_alpha
+    profile = None if color_space or header.profile is None else _profile(header.profile, colours, path)
+    linear = _linear(pixels, colours, LINEAR if profile else color_space or header.color_space, path)
+    if profile is not None:
+        linear[:, :, :colours] = profile.linear(linear[:, :, :colours])
     if header.has_alpha and not header.integer:
         _unpremultiply(linear)
     return turned(linear, header.orientation) if oriented else linear
@@ -67,7 +74,8 @@ def read_depth(path: Path) -> Array:
 
     16-bit files are those of RGB-D cameras: millimetres, of a scene in metres.
 
-    Zero, negative, NaN and infinite entries mean "nothing there" and come back as +inf.
+    Zero, negative, NaN and infinite entries mean "nothing there" and come back as +inf; so do what renderers write for
+    it, 1e10 and, in half floats, the largest of them, 65504.
     """
     if path.suffix.lower() == ".npy":
         if not path.is_file():
@@ -90,7 +98,8 @@ def read_depth(path: Path) -> Array:
     if depth.ndim != 2 or not np.issubdtype(depth.dtype, np.floating):
         raise FormatError(f"{path}: depth must be a float array (H, W), got {depth.dtype} {depth.shape}")
     depth = depth.astype(np.float32)
-    return np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(np.inf))
+    there = np.isfinite(depth) & (depth > 0) & (depth < NOWHERE) & (depth != HALF_MAX)
+    return np.where(there, depth, np.float32(np.inf))
 
 
 def write_png(path: Path, linear: Array, alpha: Array | None = None) -> None:
@@ -157,6 +166,13 @@ def _linear(pixels: Array, colours: int, space: str, path: Path) -> Array:
     if not config.equivalent(space, LINEAR):
         linear[:, :, :colours] = _converted(linear[:, :, :colours], space, path)
     return linear
+
+
+def _profile(data: bytes, colours: int, path: Path) -> Profile | None:
+    try:
+        return read_profile(data, colours)
+    except FormatError as error:
+        raise FormatError(f"{path}: {error}") from error
 
 
 @lru_cache(maxsize=1)
