@@ -87,3 +87,34 @@ def test_a_missing_part_is_named(made, tmp_path, name):
 def test_the_stage_is_wired():
     assert asset.STAGE.name == "asset"
     assert needs(asset.STAGE, load_stages()) == ("ingest", "plan", "layers", "residuals")
+
+
+def test_components_of_any_kind_are_gathered(made, tmp_path):
+    """Files, what is shared, figures by kind, and layers that a fitter has written anew."""
+    import shutil
+
+    folder, inputs = made
+    copy = tmp_path / "residuals"
+    shutil.copytree(folder / "residuals", copy)
+    summary = json.loads((copy / "residuals.json").read_text(encoding="utf-8"))
+    tint = {"kind": "tint", "files": ["texture_00/a.bin", "texture_00/b.bin"], "strength": 0.5}
+    summary["textures"].append({"name": "front", "texture": 0, "bytes": 2, "component": tint, "gain": 1.5})
+    summary["shared"] = [{"kind": "tint", "file": "book.bin"}]
+    (copy / "residuals.json").write_text(json.dumps(summary), encoding="utf-8")
+    (copy / "texture_00").mkdir(exist_ok=True)
+    for number, name in enumerate(("texture_00/a.bin", "texture_00/b.bin", "book.bin", "texture_00/layers.exr")):
+        (copy / name).write_bytes(bytes([number]))
+    out = tmp_path / "asset"
+    out.mkdir()
+    asset.run(asset.Inputs(inputs.views, inputs.plan, inputs.layers, copy, out), asset.AssetConfig())
+    index, before = read_index(out), read_index(folder / "asset")
+    entry = index.textures[0]
+    assert entry.components[:-1] == before.textures[0].components
+    assert entry.components[-1].model_dump() == tint | {"files": tuple(tint["files"])}
+    assert entry.measured["tint"] == {"name": "front", "texture": 0, "bytes": 2, "gain": 1.5}
+    assert entry.measured["residuals"] == before.textures[0].measured["residuals"]
+    assert [component.model_dump() for component in index.shared] == summary["shared"]
+    for number, name in enumerate(("texture_00/a.bin", "texture_00/b.bin", "book.bin", "texture_00/layers.exr")):
+        assert (out / name).read_bytes() == bytes([number])
+    kept = "texture_01/layers.exr"
+    assert (out / kept).read_bytes() == (folder / "layers" / kept).read_bytes()

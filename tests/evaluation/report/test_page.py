@@ -10,7 +10,7 @@ import pytest
 from ibrpipe.engine.machine import Machine
 from ibrpipe.evaluation.metrics import MetricsModel, Protocol, Scores, ViewMetrics
 from ibrpipe.evaluation.report import pictures, plot, words
-from ibrpipe.evaluation.report.page import render_page
+from ibrpipe.evaluation.report.page import _parts, render_page
 from ibrpipe.evaluation.report.sources import ReportSources
 
 
@@ -86,6 +86,17 @@ def test_an_asset_without_residuals_says_so():
     text = " ".join(words.verdict(metrics(residuals=0)))
     assert "holds no residuals" in text
     assert "diffuse colours" not in text
+
+
+def test_several_kinds_of_view_dependence_have_a_bar_each():
+    kinds = {"spiral": 2_000_000, "tint": 1_000_000}
+    one, two = (metrics().model_copy(update={"view_dependence": dict(list(kinds.items())[:n])}) for n in (1, 2))
+    assert not any("of these" in name for name in _parts(one))
+    assert {name: count for name, count in _parts(two).items() if "of these" in name} == {
+        "of these spiral": 2_000_000,
+        "of these tint": 1_000_000,
+    }
+    assert "of these tint" in render_page(two, [], ReportSources("a", 3, 1, (4, 3)))
 
 
 def test_the_page_escapes_what_it_is_told():
