@@ -32,7 +32,7 @@ from ibrpipe.modelling.rectangles import passed
 from ibrpipe.modelling.view_dependence.coding import code
 from ibrpipe.modelling.view_dependence.sample_sets import Samples, assemble, uncoded
 from ibrpipe.modelling.view_dependence.spiral import ResidualsConfig, refine, sample
-from ibrpipe.modelling.view_dependence.spiral_plan import spiral_of
+from ibrpipe.modelling.view_dependence.spiral_plan import SPIRAL, spiral_of
 from ibrpipe.modelling.view_dependence.work_units import Context, Sources, context_of, forget
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.view_dependence import spiral as residual_pass
@@ -53,7 +53,7 @@ def measure(run: Path, config: ResidualsConfig) -> list[Row]:
     """
     sources = Sources(run / "ingest/views.json", run / "geometry/mesh.ply", run / "plan/plan.json", run / "layers")
     context, views = context_of(sources), read_views(sources.views).test
-    wanted = [i for i, plan in enumerate(context.plans) if plan.component("spiral")]
+    wanted = [i for i, plan in enumerate(context.plans) if plan.component(SPIRAL)]
     if not views or not wanted:
         raise CaptureError(f"{run}: needs held-out views and a plan with residuals; set plan.residuals=always")
     with tempfile.TemporaryDirectory() as folder:

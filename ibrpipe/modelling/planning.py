@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
+from ibrpipe.io.components import find_kind
 from ibrpipe.modelling.appearance import (
     Appearance,
     SurfaceSample,
@@ -31,7 +32,8 @@ from ibrpipe.modelling.rectangles import (
     distinct,
     sized,
 )
-from ibrpipe.modelling.view_dependence.spiral_plan import SpiralPlan
+from ibrpipe.modelling.view_dependence.fitter import Fitter
+from ibrpipe.modelling.view_dependence.spiral_plan import SPIRAL, SpiralPlan
 
 #: spiral densities to choose from; coarser ones lose highlights (1/16 costs 0.7 dB on photos 22 degrees apart)
 DENSITIES = (1 / 24, 1 / 32)
@@ -90,6 +92,16 @@ class PlanConfig(StageConfig):
         (), description="Further kinds of view dependence, each with its settings, that every texture gets"
     )
     samples: int = Field(40_000, ge=1000, description="Surface points that are measured")
+
+    @field_validator("components")
+    @classmethod
+    def _can_be_fitted(cls, components: tuple[PlannedComponent, ...]) -> tuple[PlannedComponent, ...]:
+        """Refuse before anything is computed what the residuals stage could not make."""
+        for number, component in enumerate(components):
+            if component.kind == SPIRAL or component.kind in (each.kind for each in components[:number]):
+                raise ValueError(f"kind {component.kind!r} is planned already; name each once, the spiral by residuals")
+            find_kind(component.kind).part("fitting", Fitter)
+        return components
 
 
 def place(config: PlanConfig, caster: MeshCaster, texel: float, seed: int = 0) -> tuple[list[Rectangle], list[Told]]:

@@ -8,6 +8,9 @@ from pydantic import Field, ValidationError
 
 from ibrpipe.errors import FormatError
 from ibrpipe.modelling.plan_file import PlannedComponent, TexturePlan
+from ibrpipe.types import SpiralResiduals
+
+SPIRAL = SpiralResiduals.kind
 
 
 class SpiralPlan(PlannedComponent):
@@ -28,7 +31,7 @@ def spiral_of(plan: TexturePlan) -> SpiralPlan:
     FormatError
         No spiral is planned, or a setting is missing or out of its range.
     """
-    found = plan.component("spiral")
+    found = plan.component(SPIRAL)
     if found is None:
         raise FormatError(f"the plan wants no spiral for texture {plan.rectangle.name}; run the plan stage again")
     try:

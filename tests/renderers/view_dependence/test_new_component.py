@@ -149,3 +149,17 @@ def test_the_pipeline_fits_it(tint, tmp_path):
     (file,) = figures.component.paths
     assert figures.bytes == (out / file).stat().st_size
     assert json.loads((out / file).read_text()) == {"strength": 0.25}
+
+
+def test_a_pipeline_file_asks_for_it(tint):
+    from ibrpipe.modelling.planning import PlanConfig
+
+    asked = {"components": [{"kind": "tint", "strength": 0.2}]}
+    (component,) = PlanConfig.model_validate(asked).components
+    assert (component.kind, component.settings) == ("tint", {"strength": 0.2})
+    with pytest.raises(ValueError, match="kind 'tint' is planned already"):
+        PlanConfig.model_validate({"components": asked["components"] * 2})
+    with pytest.raises(ValueError, match="'spiral' is planned already; name each once, the spiral by residuals"):
+        PlanConfig.model_validate({"components": [{"kind": "spiral"}]})
+    with pytest.raises(ValueError, match="no view dependence of kind 'neural' is known, only: spiral, tint"):
+        PlanConfig.model_validate({"components": [{"kind": "neural"}]})
