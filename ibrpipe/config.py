@@ -6,7 +6,15 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 
 from ibrpipe.errors import FormatError, MissingFileError
 
@@ -57,8 +65,12 @@ def _as_it_is(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
     return value if type(value) is int else checked
 
 
+def _itself(value: Any) -> Any:
+    return value
+
+
 #: a number that is written as it was given: 3 stays 3, where a float would become 3.0
-Number = Annotated[float, WrapValidator(_as_it_is)]
+Number = Annotated[float, WrapValidator(_as_it_is), PlainSerializer(_itself)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix33 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
