@@ -79,14 +79,14 @@ def diffuse_colors(
     # |colour - diffuse|; out_count (N,) i32 photos used
     projection, centers, sizes, starts, color, depth, mask = photos
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
-        packed = projection, centers, sizes, starts, color, depth, mask
+        views = projection, centers, sizes, starts, depth, mask
         seen = np.empty((2, 3, len(centers)))
         bins, corners = np.empty(bin_count, np.int32), np.empty((1, 4, 2))
         for i in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
             clean, usable = 0, 0
             point, normal = (points[i, 0], points[i, 1], points[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
             for p in range(len(centers)):
-                quality = see(point, normal, p, packed, cos_min, slack, corners, 0)
+                quality = see(point, normal, p, views, cos_min, slack, corners, 0)
                 if quality == CLEAN:
                     red, green, blue = fetch(color, corners, 0)
                     seen[0, 0, clean], seen[0, 1, clean], seen[0, 2, clean] = red, green, blue

@@ -3,7 +3,7 @@
 A `packed` photo set is one flat array for all pixels of all photos: photo p owns pixels ``starts[p]`` to
 ``starts[p + 1]``, row-major, of size ``sizes[p] = (H, W)``. Kernels take it as the tuple ``photos``: projection
 (P, 3, 4) f64, pixels from world; centers (P, 3) f64; sizes (P, 2) i32; starts (P + 1,) i64; color (T, 3) f32, display
-code; depth (T,) f32 along camera z; mask (T,) f32.
+code; depth (T,) f32 along camera z; mask (T,) f32. Without the color it is the tuple ``views``.
 
 A photo is *clean* for a point when all four pixels around the projection show the point's surface (depths agree
 within what the slope allows) well inside the mask. It is *usable* when some do, which happens along silhouettes; only
@@ -25,14 +25,14 @@ HIDDEN, USABLE, CLEAN = 0, 1, 2
 
 
 @helper
-def see(point, normal, photo, photos, cos_min, slack, corners, row):
+def see(point, normal, photo, views, cos_min, slack, corners, row):
     """Say how one photo sees a point, and through which of its pixels.
 
     Fills corners[row] (4, 2) f64 with index and weight of the pixels that show the same surface (weights sum to 1).
     """
     # point, normal: three f64 each; slack in pixels
     (px, py, pz), (nx, ny, nz) = point, normal
-    projection, centers, sizes, starts, _, depth, mask = photos
+    projection, centers, sizes, starts, depth, mask = views
     height, width, start = sizes[photo, 0], sizes[photo, 1], starts[photo]
     z = (
         projection[photo, 2, 0] * px
@@ -119,12 +119,12 @@ def blend_weights(dots, count, weights):
 
 
 @helper
-def best_photos(point, normal, direction, photos, cos_min, slack, dots, chosen, corners, best):
+def best_photos(point, normal, direction, views, cos_min, slack, dots, chosen, corners, best):
     """Find the (at most four) photos that see the point from nearest to direction d. Return how many.
 
     dots (P,) f64 is scratch; chosen (4,) i64, corners (4, 4, 2) f64 and best (4,) f64 are filled.
     """
-    (px, py, pz), (dx, dy, dz), centers = point, direction, photos[1]
+    (px, py, pz), (dx, dy, dz), centers = point, direction, views[1]
     count = len(centers)
     for p in range(count):
         ex, ey, ez = centers[p, 0] - px, centers[p, 1] - py, centers[p, 2] - pz
@@ -134,7 +134,7 @@ def best_photos(point, normal, direction, photos, cos_min, slack, dots, chosen, 
         top = int(np.argmax(dots))
         value = dots[top]
         dots[top] = -3.0
-        quality = see(point, normal, top, photos, cos_min, slack, corners, found)
+        quality = see(point, normal, top, views, cos_min, slack, corners, found)
         if quality != HIDDEN:
             chosen[found], best[found] = top, value
             found += 1
@@ -151,14 +151,14 @@ def blend_photos(points, normals, directions, photos, cos_min, slack, out_color,
     # out_color (N, 3) f32 display code, NaN where no photo sees the point; out_count (N,) i32 photos used
     projection, centers, sizes, starts, color, depth, mask = photos
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
-        packed = projection, centers, sizes, starts, color, depth, mask
+        views = projection, centers, sizes, starts, depth, mask
         dots = np.empty(len(centers))
         chosen, corners, best = np.empty(4, np.int64), np.empty((4, 4, 2)), np.empty(4)
         weights = np.empty(4)
         for i in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
             point, normal = (points[i, 0], points[i, 1], points[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
             way = directions[i, 0], directions[i, 1], directions[i, 2]
-            found = best_photos(point, normal, way, packed, cos_min, slack, dots, chosen, corners, best)
+            found = best_photos(point, normal, way, views, cos_min, slack, dots, chosen, corners, best)
             out_count[i] = found
             if found == 0:
                 out_color[i] = np.nan
