@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ibrpipe.core.jit import helper
-from ibrpipe.core.rays import clip_box, depth_at
+from ibrpipe.core.rays import clip_box, depth_at, patch_quadratic
 
 BOX = np.array([4.0, 3.0, 0.5, 2.0])
 
@@ -49,3 +49,26 @@ def test_depth_at_a_parameter_is_where_the_ray_is(qa):
         # places on the ray, at u = (10 t) / q, are linear in s
         places = [10 * each / (qa + (each - near) * rate) for each in (near, t, far)]
         assert places[1] == pytest.approx(places[0] + s * (places[2] - places[0]))
+
+
+@helper
+def quadratic(start, ray, i, j, corners, near):
+    return patch_quadratic(
+        (start[0], start[1], start[2], start[3]), (ray[0], ray[1], ray[2], ray[3]), i, j, corners, near
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_quadratic_of_a_patch_is_how_far_the_ray_is_from_it(seed):
+    rng = np.random.default_rng(seed)
+    start, ray = np.array([*rng.normal(size=3), 1.0]), np.array([*rng.normal(size=3), 0.2 * (seed % 2)])
+    corners, near = tuple(rng.random(4)), 1.5 * (seed % 3)
+    A, B, C, *places = quadratic(start, ray, 2.0, 3.0, corners, near)
+    a, b, c, e = corners
+    for s in (-0.7, 0.0, 1.3):
+        x, y, n, w = start + (near + s) * ray
+        u, v, q = np.array(places[:3]) + s * np.array(places[3:])
+        np.testing.assert_allclose((u / q, v / q, q), (x / w - 2.0, y / w - 3.0, w), atol=1e-12)
+        p, r = u / q, v / q
+        height = (a * (1 - p) + b * p) * (1 - r) + (c * (1 - p) + e * p) * r
+        assert A * s * s + B * s + C == pytest.approx(w * w * (n / w - height), abs=1e-11)

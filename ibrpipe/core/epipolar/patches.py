@@ -21,7 +21,7 @@ from numba import prange
 from ibrpipe.core.epipolar import lines as el
 from ibrpipe.core.jit import helper, kernel, ordered
 from ibrpipe.core.ldi.project_heights import OVERLAP, improve
-from ibrpipe.core.rays import clip_box
+from ibrpipe.core.rays import clip_box, patch_quadratic
 
 #: room about the depths of a patch, and about those of a ray in a cell, as a share of their range
 CLOSE = 1e-6
@@ -32,18 +32,14 @@ def meet_ray(px, py, i, j, corners, mask, near, view):
     # nearest hit from the front of one ray with a patch of which some quadrants count -> camera depth, inf for none;
     # near: camera depth from which the ray is counted
     rays, eye = view
-    a, b, c, e = corners
-    dq = rays[13] * px + rays[14] * py + rays[15]
-    du = rays[4] * px + rays[5] * py + rays[6] - i * dq
-    dv = rays[7] * px + rays[8] * py + rays[9] - j * dq
-    along_u, along_v, twist = b - a, c - a, a - b - c + e
-    dl = rays[10] * px + rays[11] * py + rays[12] - a * dq - along_u * du - along_v * dv
-    su, sv = rays[0] - i * rays[3], rays[1] - j * rays[3]
-    u, v, q = su + near * du, sv + near * dv, rays[3] + near * dq
-    height = rays[2] - a * rays[3] - along_u * su - along_v * sv + near * dl
-    A = dq * dl - twist * du * dv
-    B = q * dl + dq * height - twist * (u * dv + v * du)
-    C = q * height - twist * u * v
+    start = (rays[0], rays[1], rays[2], rays[3])
+    way = (
+        rays[4] * px + rays[5] * py + rays[6],
+        rays[7] * px + rays[8] * py + rays[9],
+        rays[10] * px + rays[11] * py + rays[12],
+        rays[13] * px + rays[14] * py + rays[15],
+    )
+    A, B, C, u, v, q, du, dv, dq = patch_quadratic(start, way, i, j, corners, near)
     square = B * B - 4.0 * A * C
     if not square >= 0.0:
         return np.inf

@@ -23,6 +23,7 @@ from numba import prange
 
 from ibrpipe.core.jit import kernel, ordered
 from ibrpipe.core.ldi.project_heights import OVERLAP, WIDEN
+from ibrpipe.core.rays import patch_quadratic
 
 #: patches of a block of work
 BLOCK = 256
@@ -152,16 +153,13 @@ def meet_pieces(kind, count, field, rays, eye, columns, listed, tags, keys, part
                 float(listed[kind, E, n]),
             )
             near, mask = float(listed[kind, T, n]), tags[kind, MASK, n]
-            dq = r30 * px + r31 * py + r32
-            du = r00 * px + r01 * py + r02 - i * dq
-            dv = r10 * px + r11 * py + r12 - j * dq
-            twist = a - b - c + e
-            dl = r20 * px + r21 * py + r22 - a * dq - (b - a) * du - (c - a) * dv
-            u, v, q = s0 - i * s3 + near * du, s1 - j * s3 + near * dv, s3 + near * dq
-            height = s2 - a * s3 - (b - a) * (s0 - i * s3) - (c - a) * (s1 - j * s3) + near * dl
-            aa = dq * dl - twist * du * dv
-            bb = q * dl + dq * height - twist * (u * dv + v * du)
-            cc = q * height - twist * u * v
+            way = (
+                r00 * px + r01 * py + r02,
+                r10 * px + r11 * py + r12,
+                r20 * px + r21 * py + r22,
+                r30 * px + r31 * py + r32,
+            )
+            aa, bb, cc, u, v, q, du, dv, dq = patch_quadratic((s0, s1, s2, s3), way, i, j, (a, b, c, e), near)
             square = bb * bb - 4.0 * aa * cc
             w = -0.5 * (bb + np.copysign(np.sqrt(square if square > 0.0 else 0.0), bb))
             one, two = cc / w, w / aa  # infinite or NaN where there is no such root: no comparison below then holds

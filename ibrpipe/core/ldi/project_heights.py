@@ -23,6 +23,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.jit import fused, helper, inlined, kernel, ordered
+from ibrpipe.core.rays import patch_quadratic
 
 #: how far, in cells, a hit may lie outside its cell, so that none falls between two
 OVERLAP = 1e-9
@@ -72,16 +73,10 @@ def meet_listed(listed, count, rays, eye, depth, ids):
         i, j = listed[2 * LIST + n], listed[3 * LIST + n]
         a, b, c, e = listed[4 * LIST + n], listed[5 * LIST + n], listed[6 * LIST + n], listed[7 * LIST + n]
         near = listed[8 * LIST + n]
-        dq = r30 * px + r31 * py + r32
-        du = r00 * px + r01 * py + r02 - i * dq
-        dv = r10 * px + r11 * py + r12 - j * dq
-        twist = a - b - c + e
-        dl = r20 * px + r21 * py + r22 - a * dq - (b - a) * du - (c - a) * dv
-        u, v, q = s0 - i * s3 + near * du, s1 - j * s3 + near * dv, s3 + near * dq
-        height = s2 - a * s3 - (b - a) * (s0 - i * s3) - (c - a) * (s1 - j * s3) + near * dl
-        A = dq * dl - twist * du * dv
-        B = q * dl + dq * height - twist * (u * dv + v * du)
-        C = q * height - twist * u * v
+        way = (
+            r00 * px + r01 * py + r02, r10 * px + r11 * py + r12, r20 * px + r21 * py + r22, r30 * px + r31 * py + r32
+        )  # fmt: skip
+        A, B, C, u, v, q, du, dv, dq = patch_quadratic((s0, s1, s2, s3), way, i, j, (a, b, c, e), near)
         square = B * B - 4.0 * A * C
         w = -0.5 * (B + math.copysign(math.sqrt(square if square > 0.0 else 0.0), B))
         one, two = C / w, w / A  # infinite or NaN where there is no such root: no comparison below then holds
