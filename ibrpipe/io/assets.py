@@ -1,4 +1,4 @@
-"""Asset folders: `asset.json`, and per texture a deep OpenEXR of layers and, where modelled, view-dependent parts.
+"""Asset folders: `asset.json`, and per texture its layers and, where modelled, view-dependent parts.
 
 View dependence is a list of components, so that further kinds can join without a new schema: a reader that meets a kind
 it does not know says which, instead of rendering something else.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,12 +17,15 @@ from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, Validatio
 from ibrpipe.config import Document
 from ibrpipe.errors import ConfigError, FormatError, MissingFileError, ResourceError, ValueRangeError
 from ibrpipe.io.components import Component, ComponentFiles, find_kind
+from ibrpipe.io.layer_pictures import NAME as PICTURES
+from ibrpipe.io.layer_pictures import Coding, read_layer_pictures, write_layer_pictures
 from ibrpipe.io.layers import read_layers, write_layers
-from ibrpipe.types import Asset, Texture, ViewDependence
+from ibrpipe.types import Asset, LayeredDepthImage, Texture, ViewDependence
 from ibrpipe.types.view_dependence import SharedData
 from ibrpipe.version import VERSION
 
-SCHEMA = 1
+#: the versions that are read; the last one when a texture's layers are coded compactly, else the first
+SCHEMAS = (1, 2)
 INDEX = "asset.json"
 
 
@@ -32,9 +35,17 @@ class TextureEntry(Document):
     model_config = ConfigDict(extra="ignore")
 
     name: str = Field(description="Name of the support rectangle")
-    layers: str = Field(description="Path of the deep OpenEXR below the asset folder")
+    layers: str = Field(description="Path of the layers below the asset folder")
+    coding: Coding | None = Field(
+        None, description="How the layers are coded compactly (layers.zip); absent = deep OpenEXR"
+    )
     components: list[Component] = Field(default_factory=list, description="View dependence; empty = diffuse only")
     measured: dict[str, Any] = Field(default_factory=dict, description="Measured figures and errors of this texture")
+
+    @model_serializer(mode="wrap")
+    def _said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out `coding` of a deep OpenEXR."""
+        return {key: value for key, value in handler(self).items() if key != "coding" or value is not None}
 
 
 class AssetIndex(Document):
@@ -42,7 +53,7 @@ class AssetIndex(Document):
 
     model_config = ConfigDict(extra="ignore")
 
-    schema_version: Literal[1] = Field(1, description="Version of this layout")
+    schema_version: Literal[1, 2] = Field(1, description="Version of this layout")
     generator: str = Field(f"ibrpipe {VERSION}", description="What wrote the asset")
     units: str = Field("scene units of the capture", description="Length unit of all positions and depths")
     axes: str = Field("world axes of the capture, right-handed", description="Frame of all positions")
@@ -59,7 +70,7 @@ class AssetIndex(Document):
         return {key: value for key, value in handler(self).items() if key != "shared" or value}
 
 
-def write_asset(asset: Asset, path: str | Path, quality: int = 100) -> None:
+def write_asset(asset: Asset, path: str | Path, quality: int = 100, coding: Coding | None = None) -> None:
     """Write an asset folder; an existing asset there is replaced once the new one is complete.
 
     Parameters
@@ -69,6 +80,8 @@ def write_asset(asset: Asset, path: str | Path, quality: int = 100) -> None:
         Folder.
     quality : int
         WebP quality of 8-bit residuals; 100 is lossless.
+    coding : Coding, optional
+        Compact form of the layers; left out = deep OpenEXR.
 
     Raises
     ------
@@ -81,12 +94,13 @@ def write_asset(asset: Asset, path: str | Path, quality: int = 100) -> None:
         shutil.rmtree(draft, ignore_errors=True)
         named = dict(enumerate(asset.info.get("textures", [])))
         entries = [
-            _write_texture(texture, draft, i, quality, named.get(i, {})) for i, texture in enumerate(asset.textures)
+            _write_texture(texture, draft, i, quality, coding, named.get(i, {}))
+            for i, texture in enumerate(asset.textures)
         ]
         shared = [_write_shared(kind, data, draft, quality) for kind, data in asset.shared.items()]
         own = ("textures", "shared", "schema_version")
         known = {key: value for key, value in asset.info.items() if key not in own}
-        write_index(AssetIndex(textures=entries, shared=shared, **known), draft)
+        write_index(AssetIndex(schema_version=schema_of(entries), textures=entries, shared=shared, **known), draft)
         if folder.exists():
             shutil.rmtree(folder)
         draft.rename(folder)
@@ -96,17 +110,51 @@ def write_asset(asset: Asset, path: str | Path, quality: int = 100) -> None:
         raise ResourceError(f"{folder}: cannot write the asset: {error.strerror or error}") from error
 
 
-def _write_texture(texture: Texture, draft: Path, index: int, quality: int, before: Mapping[str, Any]) -> TextureEntry:
+def schema_of(entries: Sequence[TextureEntry]) -> Literal[1, 2]:
+    """Return the oldest schema version that can tell of such textures."""
+    return 1 if all(entry.coding is None for entry in entries) else 2
+
+
+def _write_texture(
+    texture: Texture, draft: Path, index: int, quality: int, coding: Coding | None, before: Mapping[str, Any]
+) -> TextureEntry:
     """Write one texture; `before` is what an index said of it that was read."""
     folder = draft / f"texture_{index:02d}"
     folder.mkdir(parents=True)
-    write_layers(texture.layers, folder / "layers.exr")
+    file = write_coded(texture.layers, folder, coding)
     return TextureEntry(
         name=before.get("name", folder.name),
-        layers=f"{folder.name}/layers.exr",
+        layers=f"{folder.name}/{file.name}",
+        coding=coding,
         components=[write_component(part, folder, quality).below(folder.name) for part in texture.components],
         measured=before.get("measured", {}),
     )
+
+
+def write_coded(layers: LayeredDepthImage, folder: Path, coding: Coding | None) -> Path:
+    """Write layers into the folder of their texture, compactly or as deep OpenEXR; return the file.
+
+    Raises
+    ------
+    ResourceError
+        It cannot be written.
+    """
+    if coding is None:
+        write_layers(layers, folder / "layers.exr")
+        return folder / "layers.exr"
+    write_layer_pictures(layers, folder / PICTURES, coding)
+    return folder / PICTURES
+
+
+def read_coded(entry: TextureEntry, folder: Path) -> LayeredDepthImage:
+    """Read the layers of a texture of the asset in `folder`.
+
+    Raises
+    ------
+    MissingFileError, FormatError
+        The file is missing or damaged.
+    """
+    return (read_layers if entry.coding is None else read_layer_pictures)(folder / entry.layers)
 
 
 def write_component(component: ViewDependence, folder: Path, quality: int = 100) -> Component:
@@ -152,9 +200,10 @@ def read_index(path: str | Path) -> AssetIndex:
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
         version = data.get("schema_version") if isinstance(data, dict) else None
-        if version != SCHEMA:
+        if version not in SCHEMAS:
+            known = " and ".join(map(str, SCHEMAS))
             raise FormatError(
-                f"{file}: asset of schema version {version}; this program reads version {SCHEMA}: use a newer ibrpipe"
+                f"{file}: asset of schema version {version}; this program reads versions {known}: use a newer ibrpipe"
             )
         return AssetIndex.model_validate(data)
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
@@ -184,7 +233,7 @@ def _read_texture(folder: Path, entry: TextureEntry, shared: Mapping[str, Shared
         _known_files(folder, f"texture {entry.name}", part).read(part, folder, shared.get(part.kind))
         for part in entry.components
     ]
-    layers = read_layers(folder / entry.layers)
+    layers = read_coded(entry, folder)
     try:
         return Texture(layers, tuple(components))
     except ValueRangeError as error:

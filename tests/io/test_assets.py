@@ -12,6 +12,7 @@ import pytest
 from ibrpipe.core.spiral import directions
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
 from ibrpipe.io.assets import read_asset, read_index, write_asset
+from ibrpipe.io.layer_pictures import LOSSLESS, Coding
 from ibrpipe.types import Asset, LayeredDepthImage, ParallelFrame, SpiralResiduals, SpiralTexture
 
 FRAME = ParallelFrame((0, 0, 0), (0.5, 0, 0), (0, 0.5, 0), (0, 0, 1))
@@ -107,10 +108,10 @@ def test_two_spiral_components_are_refused(folder):
         read_asset(folder)
 
 
-@pytest.mark.parametrize("version", [2, 0, None, "1"])
+@pytest.mark.parametrize("version", [3, 0, None, "1"])
 def test_another_schema_is_refused(folder, version):
     edit(folder, lambda data: data.update(schema_version=version))
-    with pytest.raises(FormatError, match=rf"schema version {version}; this program reads version 1: use a newer"):
+    with pytest.raises(FormatError, match=rf"version {version}; this program reads versions 1 and 2: use a newer"):
         read_index(folder)
 
 
@@ -222,3 +223,21 @@ def test_a_spiral_without_a_file_is_named(folder):
     edit(folder, lambda data: data["textures"][0]["components"][0].pop("file"))
     with pytest.raises(FormatError, match="a component of kind 'spiral' names no file"):
         read_asset(folder)
+
+
+@pytest.mark.parametrize("coding", [LOSSLESS, Coding(color_quality=90, depth_step=0.1, normal_bits=8)])
+def test_compact_layers_are_named_and_read(tmp_path, coding):
+    write_asset(Asset((texture(), texture(residuals=False))), tmp_path / "asset", coding=coding)
+    index = read_index(tmp_path / "asset")
+    assert index.schema_version == 2
+    assert [entry.coding for entry in index.textures] == [coding, coding]
+    assert index.textures[0].layers == "texture_00/layers.zip"
+    back = read_asset(tmp_path / "asset")
+    np.testing.assert_array_equal(back.textures[0].layers.depth, texture().layers.depth)
+    np.testing.assert_array_equal(back.textures[0].residuals.texels, texture().residuals.texels)
+
+
+def test_an_asset_of_deep_openexr_says_what_it_said_before(folder):
+    data = json.loads((folder / "asset.json").read_text(encoding="utf-8"))
+    assert data["schema_version"] == 1
+    assert "coding" not in data["textures"][0]

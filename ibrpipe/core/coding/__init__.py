@@ -1,0 +1,1 @@
+"""Kernels of the compact form of layers: prediction of whole numbers along a picture with holes."""

@@ -1,0 +1,34 @@
+"""How finely the compact form of layers is coded."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+
+from ibrpipe.config import Document
+
+
+class Coding(Document):
+    """What is kept of colours, depths and normals; None = every bit."""
+
+    color_quality: int | None = Field(None, ge=1, le=100, description="JPEG XL quality of the colours; absent = exact")
+    depth_step: float | None = Field(
+        None, gt=0, le=1, description="Step of the depths, shares of a texel's pitch; absent = exact"
+    )
+    normal_bits: int | None = Field(
+        None, ge=3, le=16, description="Bits of either octahedral coordinate of the normals; absent = exact"
+    )
+
+    @property
+    def lossless(self) -> bool:
+        """Whether every bit is kept."""
+        return self == LOSSLESS
+
+    @model_serializer(mode="wrap")
+    def _said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what is exact."""
+        return {key: value for key, value in handler(self).items() if value is not None}
+
+
+LOSSLESS = Coding()
