@@ -170,6 +170,16 @@ register(
     )
 )
 
+register(
+    ComponentKind(
+        name="reflection",
+        summary="Diffuse colours under tables of reflected light that all textures share.",
+        files="ibrpipe.io.reflection:ReflectionFiles",
+        drawing="ibrpipe.renderers.view_dependence.reflection:ReflectionDrawer",
+        fitting="ibrpipe.modelling.view_dependence.reflection.fitter:ReflectionFitter",
+    )
+)
+
 
 def known_kinds() -> tuple[str, ...]:
     """Return the names of all kinds, those of other packages last."""

@@ -9,6 +9,7 @@ from ibrpipe.types.arrays import Array
 from ibrpipe.types.asset import Asset, Frame
 from ibrpipe.types.camera import Camera, ParallelFrame
 from ibrpipe.types.mesh import Mesh
+from ibrpipe.types.reflection import ReflectedLight, Reflection
 from ibrpipe.types.texture import SpiralTexture, Texture
 from ibrpipe.types.textures import DepthImage, LayeredDepthImage, ReliefTexture
 from ibrpipe.types.view_dependence import SpiralResiduals, ViewDependence
@@ -22,6 +23,8 @@ __all__ = [
     "LayeredDepthImage",
     "Mesh",
     "ParallelFrame",
+    "ReflectedLight",
+    "Reflection",
     "ReliefTexture",
     "SpiralResiduals",
     "SpiralTexture",

@@ -5,17 +5,16 @@ The surface is the very one that is drawn: reflected rays walk the same pyramids
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ibrpipe.core.reflection.geometry import place_hits, reflect, search_rays
 from ibrpipe.core.reflection.model import TRAITS
-from ibrpipe.renderers.fields import Pose
+from ibrpipe.renderers.fields import PatchField, Pose
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.search.quadtree import Sheet
-from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame
+from ibrpipe.types import Array
 
 #: reflected rays start this far above the surface, and meet nothing nearer than this, in texels
 LIFT, CLEAR = 0.3, 2.0
@@ -30,7 +29,7 @@ class Surface:
     records : (P, 8) int32, as `Scene.records`
     corners : (P, 4) int32
         Samples of every patch whose colour is known; -1 = none.
-    places : (F, 4, 4) float64, homogeneous field coordinates from world, one per layered image
+    poses : (F, 4, 4) float64, homogeneous field coordinates from world, one per layered image
     normals : (S, 3) float32, unit, world
     sheets : list of Sheet
     texel : float
@@ -39,7 +38,7 @@ class Surface:
 
     records: Array
     corners: Array
-    places: Array
+    poses: Array
     normals: Array
     sheets: list[Sheet]
     texel: float
@@ -64,14 +63,22 @@ class Looks:
     reflected: Array
 
 
-def make_surface(scene: Scene, layers: Sequence[LayeredDepthImage]) -> Surface:
-    """Join what mirrors need of the layered images that `scene` was prepared of, in its order."""
+def make_surface(scene: Scene, normals: Array) -> Surface:
+    """Gather what mirrors need of the layered images of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    normals : (S, 3) float32, unit, world
+        Of all samples, in the order of `Scene.records`; NaN where nothing mirrors.
+    """
     records, colors = scene.records
     known = np.append(colors[:, 3] > 0, False)
     corners = np.where(known[records[:, 4:]], records[:, 4:], -1).astype(np.int32)
-    places = np.stack([matrix(field.pose) for _, field in scene.patches])
-    normals = np.concatenate([each.normal for each in layers])
-    return Surface(records, corners, places, normals, scene.sheets, float(np.median([_texel(x) for x in layers])))
+    poses = np.stack([matrix(field.pose) for _, field in scene.patches])
+    texel = float(np.median([texel_size(field) for _, field in scene.patches]))
+    sheets = [sheet for sheet in scene.sheets if len(sheet.leaves[1]) and sheet.box[2] <= sheet.box[3]]
+    return Surface(records, corners, poses, np.ascontiguousarray(normals, np.float32), sheets, texel)
 
 
 def matrix(pose: Pose) -> Array:
@@ -79,12 +86,12 @@ def matrix(pose: Pose) -> Array:
     return np.concatenate([pose.linear, (pose.shift - pose.linear @ pose.origin)[:, None]], axis=1)
 
 
-def _texel(layers: LayeredDepthImage) -> float:
-    """Size of a texel on the surface, scene units."""
-    frame = layers.frame
-    if isinstance(frame, ParallelFrame):
-        return float(np.linalg.norm(frame.a))
-    return float(np.median(layers.depth)) / float(frame.K[0, 0]) if len(layers.depth) else 0.0
+def texel_size(field: PatchField) -> float:
+    """Width of a texel on the surface of a layered image, scene units."""
+    if not field.pose.perspective:
+        return float(np.linalg.norm(np.linalg.inv(field.pose.linear[:3])[:, 0]))
+    width = float(np.linalg.norm(np.linalg.inv(field.pose.linear[[0, 1, 3]])[:, 0]))
+    return width * float(np.median(-1.0 / field.corners)) if len(field.corners) else width
 
 
 def look(surface: Surface, points: Array, patches: Array, eyes: Array, size: int) -> Looks:
@@ -102,7 +109,7 @@ def look(surface: Surface, points: Array, patches: Array, eyes: Array, size: int
     where, traits = np.zeros((count, 2), np.int32), np.zeros((count, TRAITS), np.float32)
     where[:, 0], traits[:, 9:] = np.maximum(patches, 0), np.nan
     points, normals, reflected = np.ascontiguousarray(points), np.empty((count, 3)), np.empty((count, 3))
-    place_hits(points, patches, surface.records, surface.places, surface.normals, traits, normals)
+    place_hits(points, patches, surface.records, surface.poses, surface.normals, traits, normals)
     toward = eyes - points
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
     reflect(normals, toward, size, where, traits, reflected)
@@ -125,7 +132,6 @@ def cast(surface: Surface, origins: Array, directions: Array) -> tuple[Array, Ar
     rays = np.ascontiguousarray(np.concatenate([origins, directions], axis=1))
     t, patches = np.full(len(rays), np.inf), np.full(len(rays), -1, np.int64)
     for sheet in surface.sheets:
-        if sheet.box[2] <= sheet.box[3]:
-            pyramid = (sheet.nodes, sheet.meta, sheet.grid)
-            search_rays(rays, matrix(sheet.pose), sheet.box, pyramid, sheet.leaves, sheet.base, t, patches)
+        pyramid = (sheet.nodes, sheet.meta, sheet.grid)
+        search_rays(rays, matrix(sheet.pose), sheet.box, pyramid, sheet.leaves, sheet.base, t, patches)
     return t, patches

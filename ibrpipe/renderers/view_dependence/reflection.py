@@ -1,15 +1,23 @@
-"""Pictures of surfaces under shared reflection: diffuse texels, tables of reflected light, and the object in itself."""
+"""Pictures of surfaces under shared reflection: diffuse texels, tables of reflected light, and the object in itself.
+
+The object mirrors itself once: where a reflected ray meets it again, its own colour there is seen, under the tables.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ibrpipe.core.reflection.directions import pad
 from ibrpipe.core.reflection.model import CHANNELS, predict
-from ibrpipe.renderers.view_dependence.mirror import Looks, Surface, look, meet_surface
-from ibrpipe.types import Array, Camera
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers.scene import Scene
+from ibrpipe.renderers.view_dependence.component import Picture
+from ibrpipe.renderers.view_dependence.mirror import Looks, Surface, look, make_surface, meet_surface
+from ibrpipe.types import Array, Camera, LayeredDepthImage, Texture
+from ibrpipe.types.reflection import ReflectedLight, Reflection
 
 #: mirrored light of the object itself is cut here
 BRIGHTEST = 1.5
@@ -76,3 +84,104 @@ def shade_looks(surface: Surface, model: Model, seen: Looks) -> Array:
         met, ends = meet_surface(surface, seen, model.size)
         seen.traits[met, 9:] = model.own_light(ends.where, ends.traits, surface.corners)
     return model.colors(seen.where, seen.traits, surface.corners)
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """Reflection of all textures.
+
+    Attributes
+    ----------
+    light : ReflectedLight
+    components : tuple of Reflection or None, one per texture; None = it has none
+    normals : tuple of (S, 3) float32 or None, of every texture's samples
+    """
+
+    light: ReflectedLight
+    components: tuple[Reflection | None, ...]
+    normals: tuple[Array | None, ...]
+    made: dict[Scene, Mirrors] = field(default_factory=dict)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held beyond the textures."""
+        return self.light.bytes + sum(each.bytes for each in self.made.values())
+
+    def of(self, scene: Scene) -> Mirrors:
+        """Return what pictures of `scene` need, made with the first of them."""
+        if scene not in self.made:
+            self.made[scene] = _mirrors(self, scene)
+        return self.made[scene]
+
+
+@dataclass(frozen=True, eq=False)
+class Mirrors:
+    """A scene's surface and model, and the (F,) bool layered images that mirror."""
+
+    surface: Surface
+    model: Model
+    active: Array
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held."""
+        parts = (self.surface.records, self.surface.corners, self.surface.normals, self.model.texels, self.model.tables)
+        return sum(part.nbytes for part in parts)
+
+
+class ReflectionDrawer:
+    """The kind "reflection" as the renderers draw it."""
+
+    def prepare(self, textures: Sequence[object]) -> Tables:
+        """Find the tables and components of all textures.
+
+        Raises
+        ------
+        RendererError
+            Textures refer to different tables, or weights are not one a sample.
+        """
+        parts = [each.component(Reflection.kind) if isinstance(each, Texture) else None for each in textures]
+        components = tuple(part if isinstance(part, Reflection) else None for part in parts)
+        lights = {id(part.light): part.light for part in components if part is not None}
+        if len(lights) != 1:
+            raise RendererError(f"textures refer to {len(lights)} sets of reflected light; render those of one asset")
+        layers = [each.layers if isinstance(each, Texture) else each for each in textures]
+        normals = tuple(each.normal if isinstance(each, LayeredDepthImage) else None for each in layers)
+        for part, each in zip(components, normals, strict=True):
+            if part is not None and part.weights is not None and (each is None or len(part.weights) != len(each)):
+                raise RendererError(f"a reflection weighs {len(part.weights)} samples, but its texture has others")
+        return Tables(next(iter(lights.values())), components, normals)
+
+    def add(self, tables: Tables, picture: Picture) -> Mapping[str, int]:
+        """Put gloss over the diffuse colour; tell how many pixels were looked at."""
+        mirrors = tables.of(picture.scene)
+        surface, patches = mirrors.surface, picture.ids.astype(np.int64)
+        hit = np.isfinite(picture.depth) & (picture.known > 0) & (patches < len(surface.records))
+        hit[hit] = mirrors.active[surface.records[patches[hit], 2]]
+        seen = look_through(surface, picture.camera, picture.depth, picture.ids, hit, mirrors.model.size)
+        light = shade_looks(surface, mirrors.model, seen)
+        shown = np.isfinite(light[:, 0])
+        hit[hit] = shown
+        picture.color[hit] = light[shown]
+        return {"reflecting": int(shown.sum())}
+
+
+def _mirrors(tables: Tables, scene: Scene) -> Mirrors:
+    """Join normals, diffuse colours and weights of all layered images of the scene."""
+    layers, colors = len(tables.light.tables), scene.records[1]
+    unweighted = all(
+        tables.components[n] is not None and tables.components[n].weights is None for n, _ in scene.patches
+    )
+    texels = np.zeros((len(colors), CHANNELS if unweighted else CHANNELS + layers), np.float32)
+    texels[:, :CHANNELS] = np.sqrt(colors[:, :CHANNELS])
+    normals, begin = np.full((len(colors), 3), np.nan, np.float32), 0
+    for part, (number, image) in zip(parts, scene.patches, strict=True):
+        own, normal = slice(begin, begin + len(image.color)), tables.normals[number]
+        if part is not None and normal is not None:
+            normals[own] = normal
+            texels[own, CHANNELS:] = 1.0 if part.weights is None else part.weights
+        begin = own.stop
+    law = np.array([tables.light.damping, 1.0, *tables.light.reflectance])
+    model = Model(texels, np.sqrt(tables.light.tables), law)
+    active = np.array([part is not None for part in parts])
+    return Mirrors(make_surface(scene, normals), model, active)

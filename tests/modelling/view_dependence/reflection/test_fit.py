@@ -37,7 +37,7 @@ class Stage:
         exact = LayersConfig(depth_bits=32, color_bits=16)
         self.layers = [build_layers(i, plans, caster, self.photos, exact)[0] for i in range(len(plans))]
         self.scene = prepare(tuple(self.layers))
-        self.surface = make_surface(self.scene, self.layers)
+        self.surface = make_surface(self.scene, np.concatenate([each.normal for each in self.layers]))
         self.points = np.concatenate([sample_points(f, each) for f, each in zip(faces, self.layers, strict=True)])
 
     def observe(self, photos=None):
