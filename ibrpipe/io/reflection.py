@@ -47,7 +47,7 @@ class ReflectionFiles(ComponentFiles):
             return Reflection(shared)
         path, top = root / entry.file, _number(root, entry, "top")
         try:
-            with np.load(path, allow_pickle=False) as archive:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 codes = archive["weights"]
         except FileNotFoundError as error:
             raise MissingFileError(f"{path}: no such file; it should hold the weights of a reflection") from error

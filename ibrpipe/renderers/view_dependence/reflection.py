@@ -169,9 +169,8 @@ class ReflectionDrawer:
 def _mirrors(tables: Tables, scene: Scene) -> Mirrors:
     """Join normals, diffuse colours and weights of all layered images of the scene."""
     layers, colors = len(tables.light.tables), scene.records[1]
-    unweighted = all(
-        tables.components[n] is not None and tables.components[n].weights is None for n, _ in scene.patches
-    )
+    parts = [tables.components[number] for number, _ in scene.patches]
+    unweighted = all(part is not None and part.weights is None for part in parts)
     texels = np.zeros((len(colors), CHANNELS if unweighted else CHANNELS + layers), np.float32)
     texels[:, :CHANNELS] = np.sqrt(colors[:, :CHANNELS])
     normals, begin = np.full((len(colors), 3), np.nan, np.float32), 0

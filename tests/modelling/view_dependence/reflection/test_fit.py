@@ -33,7 +33,7 @@ class Stage:
         vertices = caster.mesh.vertices
         half = np.ptp(vertices, axis=0) / 2
         faces = box_faces(vertices.min(axis=0) + half, np.eye(3), half, texel)
-        plans = [TexturePlan(face, 60.0, 8, False, 1 / 16, 0.6) for face in faces]
+        plans = [TexturePlan(face, 60.0, 8) for face in faces]
         exact = LayersConfig(depth_bits=32, color_bits=16)
         self.layers = [build_layers(i, plans, caster, self.photos, exact)[0] for i in range(len(plans))]
         self.scene = prepare(tuple(self.layers))

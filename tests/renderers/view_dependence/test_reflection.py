@@ -1,0 +1,124 @@
+"""Pictures under shared reflection: a floor mirrors a wall and the sky, and free rays find what pixels find."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from kernel_runs import on_all_thread_counts
+
+import ibrpipe
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers.ldi.progressive import render_progressive
+from ibrpipe.renderers.ldi.renderer import find_hits
+from ibrpipe.renderers.scene import prepare
+from ibrpipe.renderers.view_dependence.mirror import LIFT, cast, look, make_surface, meet_surface
+from ibrpipe.types import ReflectedLight, Reflection
+
+SIDE, SKY = 40, 0.25
+
+
+def sheet(origin, a, b, f, color, depth=1.0):
+    """Layers of one plane; `color` is a function of the (S, 3) world points."""
+    frame = ibrpipe.ParallelFrame(np.array(origin, float), np.array(a, float), np.array(b, float), np.array(f, float))
+    offsets = np.arange(SIDE)[:, None] * SIDE + np.arange(SIDE + 1)
+    v, u = np.divmod(np.arange(SIDE * SIDE), SIDE)
+    points = frame.origin + (u + 0.5)[:, None] * frame.a + (v + 0.5)[:, None] * frame.b + depth * frame.f
+    normal = np.tile(-frame.f, (SIDE * SIDE, 1))
+    return ibrpipe.LayeredDepthImage(frame, offsets, np.full(SIDE * SIDE, depth), color(points), normal)
+
+
+def room(light=None, weights=(1.0, 0.0)):
+    """A black mirror z = 0, x and y from 0 to 1, before a painted wall x = 1, z from 0 to 1."""
+    step = 1 / SIDE
+    floor = sheet((0, 0, 1), (step, 0, 0), (0, step, 0), (0, 0, -1), lambda points: 0 * points)
+    paint = lambda points: 0.2 + 0.6 * points[:, [1, 2, 1]]  # noqa: E731
+    wall = sheet((0, 0, 0), (0, step, 0), (0, 0, step), (1, 0, 0), paint)
+    light = light or ReflectedLight(np.full((1, 16, 16, 3), SKY), (1.0,), 1.0)
+    parts = [None if weight is None else Reflection(light, np.full((SIDE * SIDE, 1), weight)) for weight in weights]
+    layers = (floor, wall)
+    return ibrpipe.Asset(tuple(ibrpipe.Texture(x, () if p is None else (p,)) for x, p in zip(layers, parts)))
+
+
+CAMERA = ibrpipe.Camera.look_at((-0.6, 0.5, 0.7), (0.7, 0.5, 0.2), width=64, height=48)
+
+
+@pytest.mark.parametrize("wall_weight", [0.0, None])
+def test_a_floor_mirrors_the_wall_and_the_sky(wall_weight):
+    asset = room(weights=(1.0, wall_weight))
+    prepared = ibrpipe.prepare(asset, "ldi")
+
+    def draw():
+        frame = ibrpipe.render(prepared, CAMERA)
+        return frame.color, frame.depth
+
+    color, depth = on_all_thread_counts(draw)
+    points = CAMERA.center + depth[..., None] * CAMERA.pixel_rays()
+    ways = CAMERA.pixel_rays() * (1, 1, -1)
+    on_floor = np.isfinite(depth) & (np.abs(points[..., 2]) < 1e-4) & (points[..., 0] < 0.9)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        end = points + ((1 - points[..., 0]) / ways[..., 0])[..., None] * ways + (0, 0, LIFT / SIDE)
+    inside = 1.5 / SIDE
+    meets = (end[..., 1:] > inside).all(axis=-1) & (end[..., 1:] < 1 - inside).all(axis=-1)
+    misses = (end[..., 1:] < -inside).any(axis=-1) | (end[..., 1:] > 1 + inside).any(axis=-1)
+    assert min((on_floor & meets).sum(), (on_floor & misses).sum()) > 100
+    wanted = 0.2 + 0.6 * end[..., [1, 2, 1]]
+    np.testing.assert_allclose(color[on_floor & meets], wanted[on_floor & meets], atol=2e-3)
+    np.testing.assert_allclose(color[on_floor & misses], SKY, atol=1e-5)
+    on_wall = np.isfinite(depth) & (np.abs(points[..., 0] - 1) < 1e-4) & (points[..., 2] > inside)
+    painted = 0.2 + 0.6 * points[..., [1, 2, 1]]
+    middle = on_wall & (points[..., 1:] > inside).all(axis=-1) & (points[..., 1:] < 1 - inside).all(axis=-1)
+    if wall_weight is None:  # no reflection: nothing is damped either
+        np.testing.assert_allclose(color[middle], painted[middle], atol=2e-3)
+    assert middle.sum() > 50
+
+
+def test_the_view_independent_picture_comes_first():
+    plain = ibrpipe.render(room(weights=(None, None)), CAMERA)
+    first, last = render_progressive(room(), CAMERA)
+    np.testing.assert_array_equal(first.color, plain.color)
+    assert np.abs(last.color - first.color).max() > 0.1
+    assert last.stats["reflecting"] > 500
+
+
+def test_free_rays_find_what_pixels_find():
+    layers = [each.layers for each in room().textures]
+    scene = prepare(tuple(layers))
+    surface = make_surface(scene, np.concatenate([each.normal for each in layers]))
+    hits, ways = find_hits(scene, CAMERA, "quadtree"), CAMERA.pixel_rays().reshape(-1, 3)
+    t, patches = cast(surface, np.broadcast_to(CAMERA.center, ways.shape), ways)
+    np.testing.assert_allclose(t, hits.depth.ravel(), rtol=1e-6)
+    met = np.isfinite(t)
+    assert met.any()
+    assert (~met).any()
+    assert (patches[met] == hits.ids.ravel()[met]).mean() > 0.999  # at equal depth either
+    assert (patches[~met] == -1).all()
+    none = cast(surface, np.empty((0, 3)), np.empty((0, 3)))
+    assert none[0].shape == none[1].shape == (0,)
+
+
+def test_places_without_patch_or_normal_mirror_nothing():
+    layers = [each.layers for each in room().textures]
+    scene = prepare(tuple(layers))
+    normals = np.concatenate([each.normal for each in layers])
+    normals[SIDE * SIDE :] = np.nan
+    surface = make_surface(scene, normals)
+    wall_patch = int(np.flatnonzero(surface.records[:, 2] == 1)[500])
+    points = np.array([[0.5, 0.5, 0.0], [1.0, 0.5, 0.5], [5.0, 5.0, 5.0]])
+    floor_patch = int(np.flatnonzero(surface.records[:, 2] == 0)[500])
+    seen = look(surface, points, np.array([floor_patch, wall_patch, -1]), CAMERA.center, 16)
+    assert np.isfinite(seen.reflected[0]).all()
+    assert np.isnan(seen.reflected[1:]).all()
+    met, _ = meet_surface(surface, seen, 16)
+    assert set(met) <= {0}
+
+
+def test_textures_of_different_assets_are_refused():
+    one, other = room(), room(ReflectedLight(np.ones((1, 8, 8, 3)), (0.5,)))
+    with pytest.raises(RendererError, match="one asset"):
+        ibrpipe.prepare([*one.textures, *other.textures], "ldi")
+    part = one.textures[0].component("reflection")
+    wrong = replace(part, weights=np.ones((3, 1)))
+    with pytest.raises(RendererError, match="samples"):
+        ibrpipe.prepare(ibrpipe.Texture(one.textures[0].layers, (wrong,)), "ldi")
