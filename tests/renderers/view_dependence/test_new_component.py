@@ -119,7 +119,7 @@ def test_without_its_module_the_asset_is_refused_in_one_line(tint, tmp_path, mon
     written(tmp_path / "asset", Texture(layers(), (tint.Tint(0.5),)))
     monkeypatch.delitem(components._known, "tint")
     with pytest.raises(
-        ibrpipe.IbrError, match=r"asset\.json: texture texture_00.*'tint'.*only: spiral; use a newer"
+        ibrpipe.IbrError, match=r"asset\.json: texture texture_00.*'tint'.*only: spiral, reflection; use a newer"
     ) as told:
         ibrpipe.read_asset(tmp_path / "asset")
     assert "\n" not in str(told.value)
