@@ -15,6 +15,7 @@ from ibrpipe.capture.coverage import SurfacePoints, agreement, seen_points, spre
 from ibrpipe.capture.findings import Finding, Limits
 from ibrpipe.capture.mask_sense import inverted_masks, keeps_rim, perhaps_inverted
 from ibrpipe.capture.photo_quality import PhotoFigures, damaged, empty_mask, measure_photo, photo_findings
+from ibrpipe.capture.units import median_or_nan, other_units
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, IbrError
 from ibrpipe.io.captures import Capture
@@ -72,9 +73,7 @@ def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = N
     findings += photo_findings(photos, limits)
     coverage = None if surface is None else surface.coverage()
     if surface is not None and coverage is not None:
-        findings += inverted_masks(capture.root, surface.overlaps) or _surface_findings(
-            coverage, photos, surface.backs, capture, limits
-        )
+        findings += _surface_findings(photos, surface, capture, limits)
     elif mesh is None:
         findings += perhaps_inverted(capture.root, rims)
     order = {"error": 0, "warning": 1, "note": 2}
@@ -148,6 +147,11 @@ class Surface:
         self._observers = np.zeros(len(points.position), np.int32)
         self.backs: list[float] = []
         self.overlaps: list[tuple[float, float]] = []
+
+    @property
+    def diagonal(self) -> float:
+        """Of the mesh's bounding box, scene units."""
+        return self._points.diagonal
 
     def look(self, view: View, mask: Array) -> tuple[float, float | None]:
         """Take note of what a photo sees; return the share of the area, and how far mask and outline agree."""
@@ -246,16 +250,29 @@ def _surface(observers: Array, points: SurfacePoints) -> dict[str, Any]:
 
 
 def _surface_findings(
-    surface: dict[str, Any], photos: Sequence[PhotoFigures], backs: Sequence[float], capture: Capture, limits: Limits
+    photos: Sequence[PhotoFigures], surface: Surface, capture: Capture, limits: Limits
 ) -> list[Finding]:
-    file = str(capture.mesh)
-    known = [value for value in backs if math.isfinite(value)]
-    if known and float(np.median(known)) > 0.5:
-        text = f"photos see the backs of its faces ({np.median(known):.0%} of the pixels)"
+    file, coverage = str(capture.mesh), surface.coverage()
+    backs = median_or_nan(surface.backs)
+    seen = any(photo.seen for photo in photos if not photo.held_out)
+    centers = np.array([view.camera.center for view in capture.train])
+    overlap = float(np.median(surface.overlaps, axis=0)[0]) if surface.overlaps else None
+    units = other_units(file, surface.diagonal, centers, backs, overlap, seen or not photos)
+    if units is not None and units.severity == "error":
+        return [units]
+    inverted = inverted_masks(capture.root, surface.overlaps)
+    if inverted:
+        return inverted
+    if backs > 0.5:
+        text = f"photos see the backs of its faces ({backs:.0%} of the pixels)"
         return [Finding("error", "inside out", file, text, "faces counter-clockwise from outside", "flip the mesh")]
-    if photos and not any(photo.seen for photo in photos if not photo.held_out):
+    if photos and not seen:
         expected = "mesh and cameras in one world, in the same units"
         return [Finding("error", "unseen mesh", file, "no photo sees any of the mesh", expected, "align them")]
+    return [*([units] if units else []), *_thin_findings(file, coverage, limits)]
+
+
+def _thin_findings(file: str, surface: dict[str, Any], limits: Limits) -> list[Finding]:
     if surface["fewer_than_3"] > limits.thin:
         text = f"fewer than 3 photos see {surface['fewer_than_3']:.1%} of its area ({surface['unseen']:.1%}: none)"
         x, y, z = surface["thin_center"]

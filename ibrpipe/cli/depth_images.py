@@ -43,7 +43,7 @@ def command(
     taken as they are; the options that place images are not for it.
     """
     from ibrpipe.io.assets import write_asset
-    from ibrpipe.io.surfaces.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_surface
     from ibrpipe.modelling import frusta as placing
     from ibrpipe.modelling.depth_images import depth_images_asset
 
@@ -51,7 +51,7 @@ def command(
         count = _write_views(source, out)
         click.echo(json.dumps({"maps": count}) if as_json else f"{out}: {count} depth images of the photos")
         return
-    whole = read_mesh(source)
+    whole = read_surface(source)
     if frusta is None and arrange == "greedy":
         chosen, share = placing.greedy_frusta(whole, maps, seed)
     else:

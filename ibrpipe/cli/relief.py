@@ -102,10 +102,10 @@ def asset(asset: Path, out: Path) -> None:
 @_OUT
 def mesh(mesh: Path, side: str, texels: int, out: Path) -> None:
     """Sample one side of MESH orthographically from its bounding box."""
-    from ibrpipe.io.surfaces.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_surface
     from ibrpipe.modelling.relief_textures import relief_from_mesh
 
-    _write([relief_from_mesh(read_mesh(mesh), side, texels)], [side], mesh, out)
+    _write([relief_from_mesh(read_surface(mesh), side, texels)], [side], mesh, out)
 
 
 @command.command(epilog=example("ibrpipe relief box bunny.ply --texels 512 --out bunny"))
@@ -114,10 +114,10 @@ def mesh(mesh: Path, side: str, texels: int, out: Path) -> None:
 @_OUT
 def box(mesh: Path, texels: int, out: Path) -> None:
     """Sample all six sides of MESH: an object that is seen from everywhere."""
-    from ibrpipe.io.surfaces.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_surface
     from ibrpipe.modelling.relief_textures import SIDES, box_from_mesh
 
-    _write(box_from_mesh(read_mesh(mesh), texels), list(SIDES), mesh, out)
+    _write(box_from_mesh(read_surface(mesh), texels), list(SIDES), mesh, out)
 
 
 @command.command(name="range", epilog=example("ibrpipe relief range captures/room --planes planes.yaml --out room"))

@@ -118,10 +118,10 @@ mesh_map.params += [*_look_options(), json_option]
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for quad.obj and packed.png.")
 def dual(mesh: Path, side: str, texels: int, out: Path) -> None:
     """Sample front and back of MESH onto one rectangle: normal x, y and two depths in one image."""
-    from ibrpipe.io.surfaces.meshes import read_mesh
+    from ibrpipe.io.surfaces.meshes import read_surface
     from ibrpipe.modelling.dual_relief import dual_relief_from_mesh, write_relief_quad
 
-    source = dual_relief_from_mesh(read_mesh(mesh), side, texels)
+    source = dual_relief_from_mesh(read_surface(mesh), side, texels)
     write_relief_quad(source, out)
     rows, columns = source.height.shape
     click.echo(f"{out}: {columns} x {rows} texels; relief map {out}/quad.obj --packed {out}/packed.png --edges cut "

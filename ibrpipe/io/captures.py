@@ -27,7 +27,8 @@ from ibrpipe.io.photos.exposure import (
 )
 from ibrpipe.io.photos.image_files import ImageHeader, read_header
 from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
-from ibrpipe.io.surfaces.meshes import SUFFIXES, has_faces
+from ibrpipe.io.surfaces.meshes import has_faces
+from ibrpipe.io.surfaces.scene_files import SUFFIXES
 from ibrpipe.io.views import View
 from ibrpipe.types import Camera
 

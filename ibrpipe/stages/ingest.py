@@ -22,7 +22,7 @@ from ibrpipe.io import view_documents
 from ibrpipe.io.cameras.lenses import Keep
 from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, read_capture
 from ibrpipe.io.points import points_of_views, write_points
-from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
+from ibrpipe.io.surfaces.meshes import read_surface, write_mesh
 from ibrpipe.io.views import View, ViewSet, write_views
 from ibrpipe.types import Mesh
 
@@ -141,7 +141,7 @@ def _mesh(capture: Capture) -> Mesh | None:
     if capture.mesh is None:
         return None
     try:
-        return read_mesh(capture.mesh)
+        return read_surface(capture.mesh)
     except FormatError as error:
         raise CaptureError(str(error)) from error
 

@@ -5,7 +5,6 @@ In files v counts upward and normal maps are those of OpenGL (green up); both ar
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,14 +14,14 @@ import numpy as np
 
 from ibrpipe.core.color import srgb_decode
 from ibrpipe.errors import FormatError, IbrError, MissingFileError, ValueRangeError
-from ibrpipe.io.surfaces.meshes import SUFFIXES
+from ibrpipe.io.surfaces.gltf_file import KEPT
+from ibrpipe.io.surfaces.mtl_file import Map, Material
 from ibrpipe.io.surfaces.relief_images import read_height
+from ibrpipe.io.surfaces.scene_files import OBJ_MATERIAL, SUFFIXES, read_parts
 from ibrpipe.types import Array, Mesh
 
 #: entries of an OBJ material that name a normal map, a height map, and one or the other (a normal map has colours)
 NORMAL_KEYS, HEIGHT_KEYS, BUMP_KEYS = ("norm", "map_kn"), ("disp", "map_disp"), ("map_bump", "bump")
-#: name of tangents in glTF files, and one of the same length under which trimesh keeps them
-TANGENT, KEPT = b'"TANGENT"', "_TANGEN"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +45,7 @@ def read_textured(path: Path) -> Textured:
     MissingFileError, FormatError
         The file is missing, damaged, or has several textured materials.
     """
-    parts = _read_parts(path)
+    parts = read_parts(path).parts
     groups = _by_material(path, parts)
     textured = [group for group in groups if _is_textured(path, group[0])]
     if len(textured) > 1:
@@ -62,7 +61,7 @@ def read_materials(path: Path) -> list[Textured]:
     MissingFileError, FormatError
         The file is missing or damaged.
     """
-    return [_join(path, group, group[0]) for group in _by_material(path, _read_parts(path))]
+    return [_join(path, group, group[0]) for group in _by_material(path, read_parts(path).parts)]
 
 
 def read_moved(folder: Path) -> list[Array]:
@@ -76,50 +75,7 @@ def read_moved(folder: Path) -> list[Array]:
     files = sorted(file for file in folder.glob("*") if file.suffix.lower() in SUFFIXES)
     if not files:
         raise MissingFileError(f"{folder}: holds no mesh files; expected {', '.join(SUFFIXES)}")
-    return [_join(file, _read_parts(file), None).mesh.vertices for file in files]
-
-
-def _read_parts(path: Path) -> list[Any]:
-    import trimesh
-
-    if path.suffix.lower() not in SUFFIXES:
-        raise FormatError(f"{path}: unknown kind of mesh file; expected {', '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise MissingFileError(f"{path}: the mesh does not exist")
-    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
-    try:
-        scene = _load_scene(path)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-        for part in parts:
-            _transform_tangents(part, scene)
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, ArithmeticError) as error:
-        raise FormatError(f"{path}: the mesh is damaged ({' '.join(str(error).split())}); export it again") from error
-    if not parts:
-        raise FormatError(f"{path}: holds no triangles; give a surface, not a point cloud or an empty file")
-    return parts
-
-
-def _load_scene(path: Path) -> Any:
-    """Load a file; tangents of a glTF file under a name that trimesh keeps."""
-    import io
-
-    import trimesh
-
-    kind = path.suffix.lower()
-    stored = path.read_bytes() if kind in (".glb", ".gltf") else b""
-    if TANGENT not in stored:
-        return trimesh.load_scene(str(path), process=False)
-    resolver = trimesh.resolvers.FilePathResolver(str(path))
-    file = io.BytesIO(stored.replace(TANGENT, b'"' + KEPT.encode() + b'"'))
-    return trimesh.load_scene(file, file_type=kind[1:], resolver=resolver, process=False)
-
-
-def _transform_tangents(part: Any, scene: Any) -> None:
-    """Bring tangents to where the part stands in the scene, as its vertices are."""
-    transform, name = scene.graph[part.metadata["node"]]
-    tangents = scene.geometry[name].vertex_attributes.get(KEPT)
-    if tangents is not None:
-        part.metadata[KEPT] = np.asarray(tangents, np.float64)[:, :3] @ transform[:3, :3].T
+    return [_join(file, read_parts(file, strict=False).parts, None).mesh.vertices for file in files]
 
 
 def _by_material(path: Path, parts: Sequence[Any]) -> list[list[Any]]:
@@ -137,8 +93,8 @@ def _is_textured(path: Path, part: Any) -> bool:
     if material is None:
         return False
     return (
-        _image(material) is not None
-        or any(_named(path, material, keys) for keys in (NORMAL_KEYS, HEIGHT_KEYS, BUMP_KEYS))
+        _image(path, material) is not None
+        or any(_named(material, keys) for keys in (NORMAL_KEYS, HEIGHT_KEYS, BUMP_KEYS))
         or (getattr(material, "normalTexture", None) is not None)
     )
 
@@ -156,7 +112,11 @@ def _join(path: Path, parts: Sequence[Any], shown: Any) -> Textured:
     found = [getattr(part.visual, "uv", None) for part in parts]
     uv = None
     if all(each is not None and len(each) for each in found):
-        uv = np.concatenate([np.asarray(each, np.float64)[part.faces] for each, part in zip(found, parts)])
+        laid = [
+            _laid(path, np.asarray(each, np.float64), getattr(part.visual, "material", None))
+            for each, part in zip(found, parts)
+        ]
+        uv = np.concatenate([each[part.faces] for each, part in zip(laid, parts)])
         uv = np.ascontiguousarray(np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1))
     material = getattr(shown.visual, "material", None) if shown is not None else None
     textures = _textures(path, material) if material is not None else (None, None, None)
@@ -178,7 +138,7 @@ def _stored_normals(parts: Sequence[Any]) -> Array | None:
 
 def _textures(path: Path, material: Any) -> tuple[Array | None, Array | None, Array | None]:
     """Colour (linear), normals and heights of a material: those of its own image, else alpha of the normal map."""
-    image, bumps = _image(material), _normal_image(path, material)
+    image, bumps = _image(path, material), _normal_image(path, material)
     color = normal = height = None
     if image is not None:
         color = srgb_decode(np.asarray(image.convert("RGB"), np.float32) / 255.0)
@@ -192,7 +152,7 @@ def _textures(path: Path, material: Any) -> tuple[Array | None, Array | None, Ar
         if "A" in bumps.getbands():
             height = np.asarray(bumps.getchannel("A"), np.float32) / 255.0
         normal = _decoded(2.0 * np.asarray(bumps.convert("RGB"), np.float64) / 255.0 - 1.0, path)
-    file, bump = _named(path, material, HEIGHT_KEYS), _named(path, material, BUMP_KEYS)
+    file, bump = _named(material, HEIGHT_KEYS), _named(material, BUMP_KEYS)
     if file is None and bump is not None and not _is_colored(bump):
         file = bump
     if file is not None:
@@ -200,27 +160,42 @@ def _textures(path: Path, material: Any) -> tuple[Array | None, Array | None, Ar
     return None if color is None else np.ascontiguousarray(color, np.float32), normal, height
 
 
-def _image(material: Any) -> Any:
-    return getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+def _image(path: Path, material: Any) -> Any:
+    found = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    named = _maps(material).get("map_kd")
+    if found is None and named is not None:
+        raise FormatError(f"{named.file}: the texture that {path.name} names is no image that is read; save it as PNG")
+    return found
 
 
-def _named(path: Path, material: Any, keys: Sequence[str]) -> Path | None:
+def _maps(material: Any) -> dict[str, Map]:
+    """Maps of an OBJ material by their key."""
+    stored: Material | None = (getattr(material, "kwargs", None) or {}).get(OBJ_MATERIAL)
+    return {} if stored is None else stored.maps
+
+
+def _laid(path: Path, uv: Array, material: Any) -> Array:
+    """Apply scale and offset that an OBJ material gives its maps to texture coordinates (V, 2), v upward."""
+    ways = {(each.scale, each.offset) for each in _maps(material).values()}
+    if len(ways) > 1:
+        name = getattr(material, "name", "")
+        raise FormatError(f"{path}: maps of the material {name} have different scales or offsets; bake them into one")
+    for scale, offset in ways:
+        uv = uv * scale + offset
+    return uv
+
+
+def _named(material: Any, keys: Sequence[str]) -> Path | None:
     """Return the file that an OBJ material names under one of the keys."""
-    names = getattr(material, "kwargs", None) or {}
-    for key in keys:
-        if names.get(key):
-            file = path.parent / str(names[key][-1])
-            if not file.is_file():
-                raise MissingFileError(f"{file}: the map that {path.name} names does not exist")
-            return file
-    return None
+    maps = _maps(material)
+    return next((maps[key].file for key in keys if key in maps), None)
 
 
 def _normal_image(path: Path, material: Any) -> Any:
     from PIL import Image
 
-    image, file = getattr(material, "normalTexture", None), _named(path, material, NORMAL_KEYS)
-    bump = _named(path, material, BUMP_KEYS)
+    image, file = getattr(material, "normalTexture", None), _named(material, NORMAL_KEYS)
+    bump = _named(material, BUMP_KEYS)
     if file is None and bump is not None and _is_colored(bump):
         file = bump
     return Image.open(file) if image is None and file is not None else image

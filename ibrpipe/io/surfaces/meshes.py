@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ibrpipe.errors import FormatError, IbrError, MissingFileError
+from ibrpipe.errors import FormatError, IbrError
+from ibrpipe.io.surfaces.scene_files import read_parts
 from ibrpipe.types import Array, Mesh
 
 _PLY_KINDS = {"double": "<f8", "float": "<f4", "int": "<i4", "uint": "<u4", "uchar": "u1", "short": "<i2"}
-SUFFIXES = (".ply", ".obj", ".glb", ".gltf", ".stl")
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -34,15 +33,20 @@ def read_mesh(path: Path) -> Mesh:
     MissingFileError, FormatError
         The file does not exist, is of another kind, is damaged, has no faces, or holds NaN.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise FormatError(f"{path}: unknown kind of mesh file; expected {', '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise MissingFileError(f"{path}: the mesh does not exist")
     vertices, faces = _load(path)
     try:
         return Mesh(vertices, faces)
     except IbrError as error:
         raise FormatError(f"{path}: {error}") from error
+
+
+def read_surface(path: Path) -> Mesh:
+    """Read a mesh as `read_mesh` does, without vertices that no face uses; raises as that."""
+    mesh = read_mesh(path)
+    used, faces = np.unique(mesh.faces, return_inverse=True)
+    if len(used) == len(mesh.vertices):
+        return mesh
+    return Mesh(mesh.vertices[used], faces.reshape(-1, 3))
 
 
 def has_faces(path: Path) -> bool:
@@ -118,18 +122,7 @@ def read_vertex_values(path: Path) -> dict[str, Array]:
 
 def _load(path: Path) -> tuple[Any, Any]:
     """Vertices (V, 3) float64 and faces (F, 3) as trimesh reads them."""
-    import trimesh
-
-    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
-    options = {"skip_materials": True} if path.suffix.lower() in (".obj", ".glb", ".gltf") else {}
-    try:
-        scene = trimesh.load_scene(str(path), process=False, **options)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, ArithmeticError) as error:
-        reason = " ".join(str(error).split())
-        raise FormatError(f"{path}: the mesh is damaged ({reason}); export it again") from error
-    if not parts:
-        raise FormatError(f"{path}: holds no triangles; give a surface, not a point cloud or an empty file")
+    parts = read_parts(path, materials=False).parts
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     vertices = np.concatenate([np.asarray(part.vertices, np.float64) for part in parts])
     faces = np.concatenate([np.asarray(part.faces, np.int64) + start for part, start in zip(parts, starts)])
