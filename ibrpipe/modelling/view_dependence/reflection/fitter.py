@@ -38,6 +38,9 @@ class ReflectionPlan(PlannedComponent):
 
     tables: int | None = Field(None, ge=0, le=2, description="Tables of reflected light; absent = chosen by photos")
     size: int = Field(144, ge=8, le=1024, description="Cells along an edge of a table")
+    fill_unseen: bool = Field(
+        False, description="Give samples that no photo shows the colour of their neighbours, rather than none"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +73,7 @@ class ReflectionFitter:
             found = fit_textures(context, plan.tables, FitRules(size=plan.size))
         finally:
             forget()
-        return _write(job, context.layers, found)
+        return _write(job, context.layers, found, plan.fill_unseen)
 
 
 def _plan(job: FitJob) -> ReflectionPlan:
@@ -111,14 +114,14 @@ def fit_observations(
     return Found(model, seen_weight(seen, surface.corners, len(points)), tuple(psnr))
 
 
-def _write(job: FitJob, layers: Sequence[LayeredDepthImage], found: Found) -> Fitted:
+def _write(job: FitJob, layers: Sequence[LayeredDepthImage], found: Found, fill: bool) -> Fitted:
     """Write new layers of the wanted textures and, where there are tables, their components."""
     light, model = _light(found.model), found.model
     figures, starts = [], np.cumsum([0] + [len(each.depth) for each in layers])
     for which in job.wanted:
         own, folder = slice(starts[which], starts[which + 1]), job.folder(which)
         color = round_to_display(model.texels[own, :3].astype(np.float64) ** 2)
-        observers = np.where(found.weight[own] > KNOWN, np.maximum(_observers(layers[which]), 1), 0)
+        observers = np.where(found.weight[own] > KNOWN, np.maximum(_observers(layers[which]), 1), int(fill))
         write_layers(replace(layers[which], color=color, observers=observers), folder / "layers.exr")
         if light is None:
             continue

@@ -71,7 +71,7 @@ def join(parts: Sequence[Observations]) -> Observations:
     return Observations(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def observe_pixels(scene: Scene, surface: Surface, photos: PhotoSet, size: int, most: int = 6_000_000) -> Observations:
+def observe_pixels(scene: Scene, surface: Surface, photos: PhotoSet, size: int, most: int = 4_000_000) -> Observations:
     """Observe the surface through a checkerboard half of the photos' pixels inside the masks, or fewer.
 
     Parameters

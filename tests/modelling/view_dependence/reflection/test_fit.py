@@ -75,7 +75,7 @@ def test_a_table_explains_the_glossy_ball_and_the_bytes_are_the_same_on_all_thre
 def test_the_matt_wall_needs_no_table(wall):
     seen = wall.observe()
     tables, psnr = choose_tables(seen, wall.surface, wall.points, 16, RULES)
-    assert len(psnr) == 3
+    assert len(psnr) == 2  # a second table is not tried where the first does not pay
     assert tables == 0
     few, none = choose_tables(seen, wall.surface, wall.points, 14, RULES)
     assert (few, none) == (1, [])

@@ -10,6 +10,7 @@ import pytest
 import ibrpipe
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.errors import FormatError
+from ibrpipe.io.layers import read_layers
 from ibrpipe.io.views import load_view, read_views
 from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.modelling.planning import PlanConfig
@@ -60,12 +61,20 @@ def test_the_glossy_ball_through_the_stages(measured, tmp_path):
 def test_without_tables_only_diffuse_colours_are_written(measured, tmp_path):
     for name in ("plan", "layers", "residuals"):
         (tmp_path / name).mkdir()
-    sources = planned(measured("lambert").folder, tmp_path, {"kind": "reflection", "tables": 0})
+    sources = planned(measured("lambert").folder, tmp_path, {"kind": "reflection", "tables": 0, "fill_unseen": True})
     plans = read_plan(sources.plan)
     fitted = ReflectionFitter().fit(FitJob("reflection", sources, plans, ResidualsConfig(), tmp_path / "residuals"))
     assert fitted.figures == ()
     assert fitted.shared is None
-    assert len(list((tmp_path / "residuals").glob("texture_*/layers.exr"))) == len(plans)
+    written = [read_layers(file) for file in sorted((tmp_path / "residuals").glob("texture_*/layers.exr"))]
+    before = [read_layers(file) for file in sorted((tmp_path / "layers").glob("texture_*/layers.exr"))]
+    assert len(written) == len(plans)
+    unseen = np.concatenate([each.observers for each in before]) == 0
+    color = np.concatenate([each.color for each in written])
+    assert unseen.any()
+    assert np.concatenate([each.observers for each in written]).min() == 1  # filled
+    assert color[unseen].max() < color[~unseen].max() + 1e-6
+    assert color[unseen].mean() > 0.01
 
 
 def test_a_wrong_setting_is_told(measured, tmp_path):
