@@ -12,8 +12,9 @@ from ibrpipe.types import Array
 
 _EXPECTED = "masks that are white where the object is"
 _REMEDY = "invert them, for instance with `magick mogrify -negate masks/*.png`"
-#: A mask whose inverse overlaps the mesh's outline by this much more is told, and stops the run where it is certain
-MORE, CERTAIN = 0.2, 0.5
+#: Masks that hardly overlap the mesh's outline, whose inverse overlaps it by more than this, are told; and stop the run
+#: where that is certain. A mesh of another size or place overlaps both.
+HARDLY, MORE, CERTAIN = 0.1, 0.3, 0.5
 #: Without a mesh: share of the rim that is kept, of the picture that is left out, and of the photos that show both
 RIM, LEFT_OUT, MOST = 0.95, 0.05, 0.8
 
@@ -30,7 +31,7 @@ def inverted_masks(root: Path, overlaps: Sequence[tuple[float, float]]) -> list[
     if not overlaps:
         return []
     kept, left = np.median(np.array(overlaps), axis=0)
-    if left < kept + MORE:
+    if kept > HARDLY or left < MORE:
         return []
     text = f"masks look inverted: the mesh's outline overlaps what they keep by {kept:.0%}, what they leave out by "
     severity: Severity = "error" if left > CERTAIN else "warning"

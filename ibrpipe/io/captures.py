@@ -165,6 +165,8 @@ def _unposed(root: Path, shots: tuple[Shot, ...]) -> list[str]:
     if not shots or not folder.is_dir():
         return []
     known = {shot.image for shot in shots}
+    if not any(path.is_relative_to(folder) for path in known):
+        return []  # the cameras are those of photos elsewhere, such as images_4/
     found = [path for path in folder.rglob("*") if path.suffix.lower() in PHOTO_SUFFIXES and path.is_file()]
     photos = [path for path in found if not path.name.startswith(".") and not path.name.endswith(".mask.png")]
     left = sorted(path for path in photos if path not in known)

@@ -42,7 +42,7 @@ class _Left:
 
 
 def read_metashape(path: Path, images: Path) -> CameraSet:
-    """Read the aligned cameras of the first chunk.
+    """Read the aligned cameras of a chunk, that of most of them where there are several.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def read_metashape(path: Path, images: Path) -> CameraSet:
         Not such a file, a kind of lens that is not supported, no aligned camera.
     """
     chunks = _chunks(path)
-    chunk = chunks[0]
+    chunk = max(chunks, key=lambda each: sum(camera.find("transform") is not None for camera in each.iter("camera")))
     cameras = list(_cameras(chunk))
     sensors = {sensor.get("id"): sensor for sensor in chunk.iter("sensor")}
     worlds, left, photos = _Worlds(path, chunk, [camera for camera, _ in cameras]), _Left(), PhotoFolder(images)
@@ -88,7 +88,8 @@ def read_metashape(path: Path, images: Path) -> CameraSet:
         raise CaptureError(f"{path}: holds no aligned camera; align the photos in Metashape and export again")
     warnings = list(left.told(path, len(cameras)))
     if len(chunks) > 1:
-        warnings.append(f"{path.name}: holds {len(chunks)} chunks; only the first, {chunk.get('label', '')}, is read")
+        text = f"{path.name}: holds {len(chunks)} chunks; only that of most aligned cameras"
+        warnings.append(f"{text}, {chunk.get('label') or 'without a label'}, is read")
     notes = (f"{path.name}: {placed} cameras of a rig are placed by their sensor's offset from the master",)
     shots.sort(key=lambda shot: shot.file)
     return CameraSet(tuple(shots), notes=notes if placed else (), warnings=tuple(warnings))

@@ -31,7 +31,8 @@ def has_test(root: Path) -> bool:
     test = root / "test"
     if not test.is_dir():
         return False
-    return has_cameras(test) or (test / "images").is_dir() or not (root / BLENDER_TRAIN).is_file()
+    named = any((root / name).is_file() for name in (TRANSFORMS, BLENDER_TRAIN))
+    return has_cameras(test) or (test / "images").is_dir() or not named
 
 
 def read_cameras(root: Path, model: Path | None) -> CameraSet:
@@ -48,6 +49,16 @@ def read_cameras(root: Path, model: Path | None) -> CameraSet:
     CaptureError, FormatError, MissingFileError
         No cameras, or none that can be read.
     """
+    found = _read(root, model)
+    there = [name for name in CAMERA_FILES if (root / name).is_file()]
+    unused = [name for name in there if name != TRANSFORMS] if model is not None else there[1:]
+    if not unused:
+        return found
+    note = f"{' and '.join(unused)} is not used: cameras are those of {'COLMAP' if model is not None else there[0]}"
+    return replace(found, notes=(*found.notes, note))
+
+
+def _read(root: Path, model: Path | None) -> CameraSet:
     if model is not None:
         return _of_model(root, model)
     if (root / TRANSFORMS).is_file():

@@ -63,16 +63,16 @@ def read_nerfstudio(path: Path) -> CameraSet:
     document = _document(path)
     shots = _shots(document, path)
     lists = {name: _split_list(document, f"{name}_filenames", path) for name in ("train", "val", "test")}
-    mesh = _named_mesh(document, path)
+    mesh, warnings = _named_mesh(document, path), _unused(document, path)
     if not any(lists.values()):
-        return CameraSet(_sorted(shots), mesh=mesh)
+        return CameraSet(_sorted(shots), mesh=mesh, warnings=tuple(warnings))
     kind = "test" if lists["test"] else "val"
     named = {shot.image: frame["file_path"] for shot, frame in zip(shots, document["frames"])}
     keys = {shot: {_key(shot.file), _key(named[shot.image])} for shot in shots}
     held = [shot for shot in shots if keys[shot] & lists[kind]]
     train = [shot for shot in shots if shot not in held and (not lists["train"] or keys[shot] & lists["train"])]
     known = set().union(*keys.values())
-    notes, warnings = [], []
+    notes = []
     if held:
         notes.append(f"{len(held)} photos are held out for measuring, as {kind}_filenames of {path.name} says")
     unknown = sum(name not in known for names in lists.values() for name in names)
@@ -143,6 +143,16 @@ def _named_mesh(document: Mapping[str, Any], path: Path) -> Path | None:
     if not isinstance(ply, str) or not ply:
         return None
     return PhotoFolder(path.parent).at(ply, path) or path.parent / ply
+
+
+def _unused(document: Mapping[str, Any], path: Path) -> list[str]:
+    """Tell of depth maps that frames name."""
+    keys = ("depth_file_path", "depth_path")
+    count = sum(any(key in frame for key in keys) for frame in document["frames"])
+    text = (
+        f"{path.name}: {count} frames name depth maps, which are not used: put them into depth/, called as the photos"
+    )
+    return [text] if count else []
 
 
 def _split_list(document: Mapping[str, Any], key: str, path: Path) -> set[str]:

@@ -368,3 +368,39 @@ def test_unplaced_photos_of_bundler_are_counted(capture: Path, tmp_path: Path) -
     (capture / "bundle.out").write_text("\n".join([*lines, *["0 0 0"] * 5]) + "\n")
     (capture / "list.txt").write_text("\n".join([*(view.image.name for view in views), "lost.jpg"]) + "\n")
     assert "1 of 15 photos were not placed and are left out, the first is lost.jpg" in told(capture, tmp_path)
+
+
+def test_of_several_chunks_that_of_most_aligned_cameras_is_read(capture: Path, tmp_path: Path) -> None:
+    metashape(capture)
+    path = capture / "cameras.xml"
+    empty = '<chunk label="old"><cameras><camera id="0" label="000"/></cameras></chunk><chunk'
+    path.write_text(path.read_text().replace("<chunk", empty, 1))
+    assert len(names(read_capture(capture))) == 14
+    assert "holds 2 chunks; only that of most aligned cameras" in told(capture, tmp_path)
+
+
+def test_camera_files_that_are_not_used_are_named(capture: Path, tmp_path: Path) -> None:
+    (capture / "cameras.xml").write_text("<document/>")
+    assert "cameras.xml is not used: cameras are those of COLMAP" in told(capture, tmp_path)
+
+
+def test_photos_of_a_smaller_size_leave_the_originals_alone(nerf: Path) -> None:
+    shutil.copytree(nerf / "images", nerf / "images_1")
+    document = change(nerf)
+    for frame in document["frames"]:
+        frame["file_path"] = frame["file_path"].replace("images/", "images_1/")
+        frame["depth_file_path"] = "depth/x.png"
+    change(nerf, frames=document["frames"])
+    found = read_capture(nerf)
+    assert found.train[0].image.parent == nerf / "images_1"
+    assert [text for text in found.warnings if "no camera" in text] == []
+    assert "14 frames name depth maps, which are not used" in found.warnings[0]
+
+
+def test_a_folder_called_test_may_hold_photos_of_the_same_file(nerf: Path) -> None:
+    (nerf / "test").mkdir()
+    document = change(nerf)
+    (nerf / "images/000.png").rename(nerf / "test/r_0.png")
+    document["frames"][0]["file_path"] = "test/r_0"
+    change(nerf, frames=document["frames"], test_filenames=["test/r_0.png"])
+    assert [view.name for view in read_capture(nerf).test] == ["test__r_0"]

@@ -137,3 +137,13 @@ def test_inverted_masks_are_told_without_a_mesh(capture, tmp_path):
     assert "masks keep the rim of the picture and leave out a part inside" in told(capture, tmp_path)
     document = json.loads((tmp_path / "out/audit.json").read_text())
     assert [each["kind"] for each in document["findings"] if "inverted" in each["kind"]] == ["inverted masks"]
+
+
+def test_a_mesh_of_another_size_does_not_make_masks_inverted(capture, tmp_path):
+    from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
+    from ibrpipe.types import Mesh
+
+    mesh = read_mesh(capture / "mesh.ply")
+    for factor in (0.4, 2.2):
+        write_mesh(Mesh(mesh.vertices * factor, mesh.faces), capture / "mesh.ply")
+        assert "inverted" not in told(capture, tmp_path)
