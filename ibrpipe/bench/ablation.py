@@ -113,7 +113,7 @@ def _variants(
 
 
 def score(views: Sequence[View], shot: Shot) -> float:
-    """Mean PSNR of a way to render, dB, in the masks of the views."""
+    """Mean PSNR of a method, dB, in the masks of the views."""
     found = []
     for view in views:
         color, mask = load_view(view)
@@ -200,8 +200,8 @@ def _directions(context: Context, k: float, closed: bool) -> Shot:
         for which, plan in enumerate(context.plans):
             own = np.flatnonzero(owner == which)
             if len(own):
-                ways, weights = around(plan, k, alphas, closed, toward[own])
-                found[own] = _mixed(context, points[own], normals[own], ways, weights)
+                towards, weights = around(plan, k, alphas, closed, toward[own])
+                found[own] = _mixed(context, points[own], normals[own], towards, weights)
         color = np.zeros((*hit.shape, 3), np.float32)
         color[hit] = srgb_decode(found)
         return color
@@ -220,11 +220,11 @@ def around(plan: TexturePlan, k: float, alphas: Array, closed: bool, toward: Arr
     return (directions.directions(alphas, k, limit) @ basis)[indices], weights
 
 
-def _mixed(context: Context, points: Array, normals: Array, ways: Array, weights: Array) -> Array:
+def _mixed(context: Context, points: Array, normals: Array, towards: Array, weights: Array) -> Array:
     """Display codes (N, 3) of the four directions, weighted; 0 where no photo sees the point."""
     total = np.zeros((len(points), 3), np.float32)
     for n in range(4):
-        codes, _ = context.photos.blend_codes(points, normals, ways[:, n])
+        codes, _ = context.photos.blend_codes(points, normals, towards[:, n])
         total += weights[:, n, None].astype(np.float32) * np.nan_to_num(codes)
     return total
 

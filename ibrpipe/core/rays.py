@@ -1,9 +1,9 @@
 """Rays of a pinhole camera in the coordinates of one field, in float64.
 
-A field's coordinates are homogeneous, ``(x, y, n, q) = P + t * Q @ (px, py, 1)`` with camera depth t, so that one code
-serves both kinds of frame: cells ``u = x/q``, ``v = y/q`` and depth ``d = n/q``. Parallel frames have q = 1 and d along
-f; perspective frames have q = z and n = -1, that is d = -1/z, in which rays and planes stay straight (schaufler1999,
-eq. 1) and which also grows away from the camera.
+A field's coordinates are homogeneous, ``(x, y, n, q) = P + t * Q``, ``Q = Q_of @ (px, py, 1)``, with camera depth t, so
+that one code serves both kinds of frame: cells ``u = x/q``, ``v = y/q`` and depth ``d = n/q``. Parallel frames have q =
+1 and d along f; perspective frames have q = z and n = -1, that is d = -1/z, in which rays and planes stay straight
+(schaufler1999, eq. 1) and which also grows away from the camera.
 
 Symbols: ``box = (columns, rows, least d, greatest d)``, u in [0, columns], v in [0, rows]; a clipped ray runs from A
 (s = 0, t = ta) to B (s = 1, t = tb), ``t(s) = ta + (tb - ta) * s qa / ((1 - s) qb + s qa)``.

@@ -1,4 +1,4 @@
-"""Plain ways to show the same capture, for comparison: unstructured lumigraph and a mesh in median colours.
+"""Plain methods to show the same capture, for comparison: unstructured lumigraph and a mesh in median colours.
 
 Source: buehler2001; the photos of a pixel are chosen and weighted as in gong-yang, sec. 4.2.
 Both cast the capture's mesh by Embree and ask the training photos anew at every pixel, so that nothing is lost to

@@ -42,8 +42,8 @@ def make_protocol(timed: Camera, repeats: int, views: int, highlight_threshold: 
             "mesh: the mesh with, at every pixel, the median of all training photos that see the point; its time is "
             "that of Embree's ray cast alone (Open3D's RaycastingScene, rays laid out beforehand), no colouring.",
             f"Times: frames {timed.width} pixels wide, colour and depth, {threads} threads each, {views} views; all "
-            f"ways take turns, each draws twice in its turn and the second counts; median of {repeats} turns, "
-            "fewer for ways that need more than their share of the time. "
+            f"methods take turns, each draws twice in its turn and the second counts; median of {repeats} turns, "
+            "fewer for methods that need more than their share of the time. "
             "Reading, preparing and writing are outside the timer.",
         ],
     )

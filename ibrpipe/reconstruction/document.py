@@ -28,7 +28,7 @@ class Geometry(Document):
     decision: Literal["given", "depth", "photos"] = Field(
         description="given = the capture's own mesh, depth = from depth maps of the capture, photos = from photos"
     )
-    reason: str = Field(description="Why this mesh or this way to it, in words")
+    reason: str = Field(description="Why this mesh or this method, in words")
     depth_from: str | None = Field(None, description="Where depth comes from; empty = only outlines were used")
     depth_maps: list[DepthMapFacts] | None = Field(None, description="The depth maps, a view each")
     spacing_deg: dict[str, Number] | None = Field(

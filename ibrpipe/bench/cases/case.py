@@ -174,7 +174,8 @@ class Refusal:
 
 @dataclass(frozen=True)
 class SpiralCase:
-    """View-dependent colour looked up in a spiral of directions of density `k`, seen from `way` (yaw, pitch degrees).
+    """View-dependent colour looked up in a spiral of directions of density `k`, seen from `direction` (yaw, pitch
+    degrees).
 
     `zero` is the code of no residual; residuals in linear light must not heed it.
     """
@@ -183,7 +184,7 @@ class SpiralCase:
     group: int
     what: str
     k: float
-    way: tuple[float, float]
+    direction: tuple[float, float]
     zero: int = 0
 
 

@@ -39,13 +39,13 @@ def _six_images() -> list[Shot]:
 
 def _ball(camera: Camera, middle: tuple[float, float, float], radius: float) -> DepthImage:
     """Return the closed-form picture of a ball, painted by its normals."""
-    ways = camera.pixel_rays()
+    rays = camera.pixel_rays()
     apart = camera.center - np.array(middle)
-    a, b, c = (ways * ways).sum(axis=-1), ways @ apart, apart @ apart - radius**2
+    a, b, c = (rays * rays).sum(axis=-1), rays @ apart, apart @ apart - radius**2
     root = b * b - a * c
     depth = np.where(root > 0, (-b - np.sqrt(np.maximum(root, 0.0))) / a, np.inf)
     there = np.isfinite(depth)[..., None]
-    normal = (apart + np.where(there, depth[..., None], 0.0) * ways) / radius
+    normal = (apart + np.where(there, depth[..., None], 0.0) * rays) / radius
     return DepthImage(camera, np.where(there, 0.5 + 0.4 * normal, 0.0), depth)
 
 

@@ -58,11 +58,11 @@ def sheet(n: int = 3) -> tuple[Array, Array, Array]:
 def _bent(texture: Any = ((2, 0), (0, 2)), place: Any = None, **more: Any) -> MeshShot:
     """The sheet with its texture coordinates and its places each multiplied by a matrix."""
     vertices, faces, uv = sheet()
-    turn = np.eye(3) if place is None else np.asarray(place, float)
-    if np.linalg.det(turn) < 0:
+    transform = np.eye(3) if place is None else np.asarray(place, float)
+    if np.linalg.det(transform) < 0:
         faces, uv = faces[:, ::-1], uv[:, ::-1]
-    eye, target = (np.asarray(point) @ turn.T for point in ((0.8, -1.9, 1.3), (0.0, 0.0, 0.2)))
-    return _shot(vertices @ turn.T, faces, uv @ np.asarray(texture, float), noise(), _at(eye, target),
+    eye, target = (np.asarray(point) @ transform.T for point in ((0.8, -1.9, 1.3), (0.0, 0.0, 0.2)))
+    return _shot(vertices @ transform.T, faces, uv @ np.asarray(texture, float), noise(), _at(eye, target),
                  thickness=more.pop("thickness", 0.15), **more)  # fmt: skip
 
 
@@ -81,8 +81,8 @@ def _broken(what: str) -> MeshShot:
 
 
 def _grazing(degrees: float) -> MeshShot:
-    turn = np.radians(degrees)
-    eye = np.array([3.0 * np.sin(turn) * 0.9, 3.0 * np.sin(turn) * 0.436, 3.0 * np.cos(turn)])
+    angle = np.radians(degrees)
+    eye = np.array([3.0 * np.sin(angle) * 0.9, 3.0 * np.sin(angle) * 0.436, 3.0 * np.cos(angle)])
     return _square(camera=_at(eye, (0, 0, 0), 20.0), thickness=0.05, repeat=1.5)
 
 

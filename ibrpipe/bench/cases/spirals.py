@@ -30,9 +30,9 @@ TURN = 2 * math.pi
 
 def spiral_cases() -> Iterator[SpiralCase]:
     """Group 7."""
-    for place, (what, way) in PLACES.items():
+    for place, (what, toward) in PLACES.items():
         for n in DENSITIES:
-            yield SpiralCase(f"spiral-{place}-k-1/{n}", 7, f"seen {what}", 1.0 / n, way)
+            yield SpiralCase(f"spiral-{place}-k-1/{n}", 7, f"seen {what}", 1.0 / n, toward)
     yield SpiralCase("spiral-linear-residuals-with-a-zero", 7, "residuals in linear light, code of no residual 32",
                      1.0 / 8, (60.0, 40.0), zero=32)  # fmt: skip
 
@@ -50,37 +50,37 @@ def build_spiral(k: float, zero: int = 0, dtype: str = "float64") -> SpiralTextu
     offsets = np.arange(9)[None] + 8 * np.arange(8)[:, None]
     layers = LayeredDepthImage(frame, offsets, np.full(64, DEPTH, dtype), np.full((64, 3), BASE, dtype), normal)
     alphas = directions.table(k)
-    ways = directions.directions(alphas, k)
+    seen = directions.directions(alphas, k)
     count = len(alphas)
-    texels = np.repeat(residual_of(ways).astype(np.float32), 4, axis=0)
+    texels = np.repeat(residual_of(seen).astype(np.float32), 4, axis=0)
     rectangle = frame_of((0, 0, 0), (EDGE, 0, 0), (0, EDGE, 0), (0, 0, 1), dtype)
     sizes, starts = np.full((count, 2), 2, np.int32), 4 * np.arange(count + 1)
-    residuals = SpiralResiduals(rectangle, k, alphas, ways, sizes, starts, texels, np.ones(4 * count, bool), zero)
+    residuals = SpiralResiduals(rectangle, k, alphas, seen, sizes, starts, texels, np.ones(4 * count, bool), zero)
     return SpiralTexture(layers, residuals)
 
 
 def spiral_camera(yaw: float, pitch: float, dtype: str = "float64") -> Camera:
     """Return the camera that sees the plane's middle from yaw and pitch in degrees, in the frame (a, b, -f)."""
     yaw, pitch = math.radians(yaw), math.radians(pitch)
-    way = np.array([math.sin(pitch) * math.cos(yaw), math.sin(pitch) * math.sin(yaw), -math.cos(pitch)])
+    toward = np.array([math.sin(pitch) * math.cos(yaw), math.sin(pitch) * math.sin(yaw), -math.cos(pitch)])
     target = np.array([EDGE / 2, EDGE / 2, DEPTH])
-    return camera_as(Camera.look_at(target + 2.0 * way, target, (0.1, 0.2, -1.0), 0.8, 15, 13), dtype)
+    return camera_as(Camera.look_at(target + 2.0 * toward, target, (0.1, 0.2, -1.0), 0.8, 15, 13), dtype)
 
 
 def expected(texture: SpiralTexture, camera: Camera) -> Array:
     """(H, W, 3) float64 exact colour, every turn and every pair of samples tried."""
     residuals = texture.residuals
     assert residuals is not None
-    ways = -camera.pixel_rays()
-    ways = (ways / np.linalg.norm(ways, axis=-1, keepdims=True) * (1, 1, -1)).reshape(-1, 3)
+    seen = -camera.pixel_rays()
+    seen = (seen / np.linalg.norm(seen, axis=-1, keepdims=True) * (1, 1, -1)).reshape(-1, 3)
     values = residual_of(residuals.directions)
-    found = np.stack([_blend(way, residuals.alphas, residuals.k, values) for way in ways])
+    found = np.stack([_blend(toward, residuals.alphas, residuals.k, values) for toward in seen])
     return (BASE + found).reshape(camera.height, camera.width, 3)
 
 
-def _blend(way: Array, alphas: Array, k: float, values: Array) -> Array:
-    pitch = math.atan2(math.hypot(way[0], way[1]), way[2])
-    yaw = math.atan2(way[1], way[0]) % TURN
+def _blend(toward: Array, alphas: Array, k: float, values: Array) -> Array:
+    pitch = math.atan2(math.hypot(toward[0], toward[1]), toward[2])
+    yaw = math.atan2(toward[1], toward[0]) % TURN
     turns = [yaw + TURN * t for t in range(math.ceil(0.25 / k) + 3)]
     below = [alpha for alpha in turns if k * alpha <= pitch]
     if below and k * below[0] <= pitch and any(k * alpha >= directions.LIMIT for alpha in below):

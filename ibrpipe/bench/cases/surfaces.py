@@ -187,8 +187,8 @@ def frame_cases() -> Iterator[Case | Refusal]:
         yield Refusal(f"refused-{name}", 8, what, build)
 
 
-def _camera(dtype: str, K: np.ndarray, turn: np.ndarray) -> Camera:
-    return Camera(K.astype(dtype), np.c_[turn, np.zeros(3)].astype(dtype), 4, 4)
+def _camera(dtype: str, K: np.ndarray, rotation: np.ndarray) -> Camera:
+    return Camera(K.astype(dtype), np.c_[rotation, np.zeros(3)].astype(dtype), 4, 4)
 
 
 def _framed(frame: ParallelFrame) -> Shot:

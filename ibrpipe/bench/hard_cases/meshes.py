@@ -112,14 +112,14 @@ def _measure(
     assert frame.depth is not None
     assert frame.color is not None
     assert lit.color is not None
-    truth, texel, way = hits.truth, hits.texel, ray_lengths(posed.shot.camera)
+    truth, texel, per_depth = hits.truth, hits.texel, ray_lengths(posed.shot.camera)
     got = frame.depth.astype(np.float64)
     nan = np.isnan(got) | ~np.isfinite(frame.color).all(axis=-1) | ~np.isfinite(lit.color).all(axis=-1)
     lost, extra = np.isinf(got) & np.isfinite(truth.latest), np.isfinite(got) & np.isinf(truth.earliest)
     both = np.isfinite(got) & np.isfinite(truth.earliest)
     with np.errstate(invalid="ignore"):
-        beyond = np.fmax(truth.earliest - got, got - truth.latest) * way / texel
-        away = np.abs(got - truth.depth) * way / texel
+        beyond = np.fmax(truth.earliest - got, got - truth.latest) * per_depth / texel
+        away = np.abs(got - truth.depth) * per_depth / texel
     astray, sure = both & (beyond > ASTRAY), truth.clear(DOUBTFUL * texel)
     clear = both & sure & np.isfinite(truth.depth)
     good, wrong = clear & ~astray, lost | extra | astray
@@ -167,9 +167,9 @@ def _limits(limit: Limit, posed: PosedMesh, hits: oracle.Hits) -> Limits:
     seen, thickness = np.isfinite(hits.truth.depth), posed.source.thickness
     rounding, stored, across = 0.0, 0.0, 0.0
     if seen.any():
-        way, texel = ray_lengths(posed.shot.camera)[seen], hits.texel[seen]
+        per_depth, texel = ray_lengths(posed.shot.camera)[seen], hits.texel[seen]
         unit = ULPS * np.spacing(hits.truth.depth.astype(np.float32)).astype(np.float64)
-        rounding = float((unit[seen] * way / texel).max())
+        rounding = float((unit[seen] * per_depth / texel).max())
         front = oracle.relief_of(posed.source).front
         ends = [_off(posed, hits, hits.truth.depth + sign * unit, front) for sign in (-1.0, 1.0)]
         across = float(np.nanmax(np.stack(ends), initial=0.0))  # slivers: the texture runs by within a unit of depth

@@ -26,7 +26,7 @@ def spiral_cells(
     """Return the cells of one spiral case."""
     cells = []
     for dtype in inputs:
-        texture, camera = build_spiral(case.k, case.zero, dtype), spiral_camera(*case.way, dtype)
+        texture, camera = build_spiral(case.k, case.zero, dtype), spiral_camera(*case.direction, dtype)
         wanted = expected(texture, camera)
         for setting in settings:
             spots = [Spot(case, setting.label, dtype, bits) for bits in depths]

@@ -176,9 +176,9 @@ def field_views(width: int) -> dict[str, Camera]:
 
     def aim(degrees: float, azimuth: float, distance: float, target: tuple[float, float, float], fov: float) -> Camera:
         t, s = np.radians(degrees), np.radians(azimuth)
-        way = np.array([np.sin(t) * np.cos(s), np.sin(t) * np.sin(s), np.cos(t)])
+        direction = np.array([np.sin(t) * np.cos(s), np.sin(t) * np.sin(s), np.cos(t)])
         up = (0, 1, 0) if degrees == 0 else (0, 0, 1)
-        return Camera.look_at(np.array(target) + distance * way, target, up, fov, width, height)
+        return Camera.look_at(np.array(target) + distance * direction, target, up, fov, width, height)
 
     return {
         "frontal": aim(0.0, 0.0, 1.3, (0.5, 0.5, 0.0), 42.0),
@@ -215,8 +215,8 @@ def object_of(mesh: Mesh, name: str, n: int, width: int, first: bool = False) ->
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
     views = {
-        label: Camera.look_at(middle + size * np.array(way), middle, (0, 0, 1), 50.0, width, width * 3 // 4)
-        for label, way in (("corner", (0.75, 0.55, 0.6)), ("side", (0.1, -1.05, 0.15)))
+        label: Camera.look_at(middle + size * np.array(direction), middle, (0, 0, 1), 50.0, width, width * 3 // 4)
+        for label, direction in (("corner", (0.75, 0.55, 0.6)), ("side", (0.1, -1.05, 0.15)))
     }
     sources = tuple(first_layer(each) if first else each for each in six_faces(mesh, n, size))
     return Workload(f"{name} {n}{FIRST if first else ''}", "object", n, sources, mesh, size, views)

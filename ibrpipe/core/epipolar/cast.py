@@ -23,20 +23,25 @@ from numba import prange
 
 from ibrpipe.core.epipolar import cells as ec
 from ibrpipe.core.epipolar import lines as el
+from ibrpipe.core.epipolar.entries import (
+    FAR,
+    INV0,
+    INV1,
+    NEAR,
+    RAYS,
+    STEEP,
+    clear_entries,
+    enter_cells,
+    find_entries,
+    look_up,
+    set_out,
+)
 from ibrpipe.core.jit import fused, kernel
 
-#: how far beyond an edge a ray is taken to be in the next cell, in cells
-NUDGE = 1e-9
-#: rows of the working memory, LANES numbers each: 1 / Q, where a ray starts and ends, where its table begins and its
-#: camera depth per column
-INV0, INV1, NEAR, FAR, ALONG, PACE = (ec.LANES * n for n in range(6))
-RAYS = ec.LANES * 6
 #: row of hits, in float32, where the way of walked rays was
 HIT = ec.S
 #: state of a ray that is not hit in the cell where it stopped
 PASSES = 3.0
-#: bounds of float32 directions, and by how much the end of a ray is moved out
-STEEP, INVERSE, BEYOND, LEAST = 1e20, 1e30, 1.000001, 1e-19
 #: level of the blocks of cells that are passed at once; blocks before the first cells (where lines were swept over
 #: blocks of COARSE or above), and before the cells of every later round
 BLOCK_LEVEL, FIRST_BLOCKS, LATE_BLOCKS, COARSE = 2, 2, 1, 2.0
@@ -45,122 +50,11 @@ EPSILON = 2.0**-23
 
 
 @fused
-def set_out(x0, y0, P0, P1, P2, turn, box, eye, rays):
-    # where the rays of the pixels of a tile pass the box
-    q00, q01, q02, q10, q11, q12 = turn[0, 0], turn[0, 1], turn[0, 2], turn[1, 0], turn[1, 1], turn[1, 2]
-    q20, q21, q22, columns, rows, low, high = turn[2, 0], turn[2, 1], turn[2, 2], box[0], box[1], box[2], box[3]
-    for row in range(ec.TILE_Y):
-        py, first = y0 + row + 0.5, row * ec.TILE_X
-        a0, a1, a2 = q01 * py + q02, q11 * py + q12, q21 * py + q22
-        for k in range(ec.TILE_X):
-            px = x0 + k + 0.5
-            r0, r1, r2 = q00 * px + a0, q10 * px + a1, q20 * px + a2
-            r0 = r0 if abs(r0) > 1e-290 else 1e-290
-            r1 = r1 if abs(r1) > 1e-290 else 1e-290
-            r2 = r2 if abs(r2) > 1e-290 else 1e-290
-            i0, i1, i2 = 1.0 / r0, 1.0 / r1, 1.0 / r2
-            n0, f0, n1, f1 = -P0 * i0, (columns - P0) * i0, -P1 * i1, (rows - P1) * i1
-            n2, f2 = (low - P2) * i2, (high - P2) * i2
-            m0, g0 = (n0, f0) if n0 < f0 else (f0, n0)
-            m1, g1 = (n1, f1) if n1 < f1 else (f1, n1)
-            m2, g2 = (n2, f2) if n2 < f2 else (f2, n2)
-            near = m0 if m0 > m1 else m1
-            near = near if near > m2 else m2
-            near = near if near > eye else eye
-            far = g0 if g0 < g1 else g1
-            far = far if far < g2 else g2
-            n = first + k
-            rays[INV0 + n], rays[INV1 + n], rays[NEAR + n], rays[FAR + n] = i0, i1, near, far
-
-
-@fused
-def find_entries(number, sectors, along, x0, y0, rays, places):
-    # places: entry of the table of the rays of one sector; along: place of the eye along the sector's rays
-    l0, l1, l2, lines = sectors[number, 0], sectors[number, 1], sectors[number, 2], sectors[number, el.LINES]
-    b0, b1, b2, bins = sectors[number, 6], sectors[number, 7], sectors[number, 8], sectors[number, el.BINS]
-    first, line_step, bin_step = sectors[number, el.FIRST], sectors[number, el.LINE_STEP], sectors[number, el.BIN_STEP]
-    inverse, other = (INV0, INV1) if number < 2 else (INV1, INV0)
-    sign = -1.0 if number & 1 else 1.0
-    for row in range(ec.TILE_Y):
-        py, start = y0 + row + 0.5, row * ec.TILE_X
-        line_y, bin_y = l1 * py + l2, b1 * py + b2
-        for k in range(ec.TILE_X):
-            px, n = x0 + k + 0.5, start + k
-            pace, across = rays[inverse + n], abs(rays[other + n])
-            turned = pace * sign
-            line = np.floor((l0 * px + line_y) * turned)
-            place = np.floor(b0 * px + bin_y)
-            known = (line >= 0.0) & (line < lines) & (place >= 0.0) & (place < bins)
-            known &= (turned > 0.0) & ((turned <= across) if number < 2 else (turned < across))
-            entry = first + line * line_step + place * bin_step
-            places[n] = np.int32(entry if known else np.float64(places[n]))
-            rays[ALONG + n] = along if known else rays[ALONG + n]
-            rays[PACE + n] = turned if known else rays[PACE + n]
-
-
-@fused
-def clear_entries(rays, places):
-    # rays of no sector start where they enter the box
-    for n in range(ec.LANES):
-        places[n], rays[ALONG + n], rays[PACE + n] = 0, 0.0, 1.0
-
-
-@fused
-def look_up(table, rays, places):
-    # let rays start where the table says
-    for n in range(ec.LANES):
-        t = (table[np.uint32(places[n])] - rays[ALONG + n]) * rays[PACE + n]
-        rays[NEAR + n] = t if t > rays[NEAR + n] else rays[NEAR + n]
-
-
-@fused
-def enter_cells(x0, y0, P0, P1, P2, turn, columns, rows, steepest, rays, work):
-    # lay every ray from its start on in float32, in cells -> how many have a way before them
-    q00, q01, q02, q10, q11, q12 = turn[0, 0], turn[0, 1], turn[0, 2], turn[1, 0], turn[1, 1], turn[1, 2]
-    q20, q21, q22 = turn[2, 0], turn[2, 1], turn[2, 2]
-    going = 0
-    for row in range(ec.TILE_Y):
-        py, start = y0 + row + 0.5, row * ec.TILE_X
-        a0, a1, a2 = q01 * py + q02, q11 * py + q12, q21 * py + q22
-        for k in range(ec.TILE_X):
-            px, n = x0 + k + 0.5, start + k
-            q0, q1, q2, i0, i1 = q00 * px + a0, q10 * px + a1, q20 * px + a2, rays[INV0 + n], rays[INV1 + n]
-            t, far = rays[NEAR + n], rays[FAR + n]
-            u, v = P0 + t * q0, P1 + t * q1
-            i = np.floor(u + (NUDGE if i0 > 0.0 else -NUDGE))
-            j = np.floor(v + (NUDGE if i1 > 0.0 else -NUDGE))
-            i = i if i > 0.0 else 0.0
-            j = j if j > 0.0 else 0.0
-            i = i if i < columns - 1.0 else columns - 1.0
-            j = j if j < rows - 1.0 else rows - 1.0
-            across, down = abs(q0), abs(q1)
-            speed = across if across > down else down
-            speed = speed if speed > 1e-290 else 1e-290
-            wide0, wide1 = abs(i0), abs(i1)
-            scale = wide0 if wide0 < wide1 else wide1
-            dd, au, av = q2 * scale, i0 * speed, i1 * speed
-            dd = dd if dd < steepest else steepest
-            dd = dd if dd > -steepest else -steepest
-            au = au if au < INVERSE else INVERSE
-            au = au if au > -INVERSE else -INVERSE
-            av = av if av < INVERSE else INVERSE
-            av = av if av > -INVERSE else -INVERSE
-            work[ec.DU + n], work[ec.DV + n], work[ec.DD + n] = q0 * scale, q1 * scale, dd
-            work[ec.AU + n], work[ec.AV + n] = au, av
-            work[ec.U0 + n], work[ec.V0 + n], work[ec.D0 + n] = u - i, v - j, P2 + t * q2
-            work[ec.END + n], work[ec.S + n] = (far - t) * speed * BEYOND + LEAST, 0.0
-            work[ec.CI + n], work[ec.CJ + n], work[ec.BI + n], work[ec.BJ + n] = i, j, i, j
-            work[ec.STATE + n] = ec.GOES_ON if t <= far else ec.ENDS
-            going += 1 if t <= far else 0
-    return going
-
-
-@fused
 def hit_between(t0, t1, f0, f1, bend):
     # camera depth of the first zero of a quadratic on the way from t0 to t1, f0 and f1 at its ends
     slope = f1 - f0 - bend
-    turn = 1.0 if f0 >= 0.0 else -1.0
-    f, a, b = f0 * turn, bend * turn, slope * turn
+    sign = 1.0 if f0 >= 0.0 else -1.0
+    f, a, b = f0 * sign, bend * sign, slope * sign
     square = b * b - 4.0 * a * f
     wide = math.sqrt(square if square > 0.0 else 0.0)
     over, under = b + wide if b > 0.0 else 2.0 * f, -2.0 * a if b > 0.0 else wide - b
@@ -179,10 +73,10 @@ def is_hit(f0, f1, bend):
 
 
 @fused
-def meet(x0, y0, P0, P1, P2, turn, rays, work):
+def meet(x0, y0, P0, P1, P2, Q_of, rays, work):
     # HIT: camera depth at which every ray that stopped is hit in its cell, inf for none
-    q00, q01, q02, q10, q11, q12 = turn[0, 0], turn[0, 1], turn[0, 2], turn[1, 0], turn[1, 1], turn[1, 2]
-    q20, q21, q22 = turn[2, 0], turn[2, 1], turn[2, 2]
+    q00, q01, q02, q10, q11, q12 = Q_of[0, 0], Q_of[0, 1], Q_of[0, 2], Q_of[1, 0], Q_of[1, 1], Q_of[1, 2]
+    q20, q21, q22 = Q_of[2, 0], Q_of[2, 1], Q_of[2, 2]
     for row in range(ec.TILE_Y):
         py, start = y0 + row + 0.5, row * ec.TILE_X
         a0, a1, a2 = q01 * py + q02, q11 * py + q12, q21 * py + q22
@@ -230,7 +124,7 @@ def find_late(work):
 
 
 @fused
-def walk_on(x, y, lane, field, pyramid, P, turn, size, rays, work):
+def walk_on(x, y, lane, field, pyramid, P, Q_of, size, rays, work):
     # walk the ray of one pixel on from its cell
     P0, P1, _ = P
     px, py, i0, i1, near, far = (
@@ -241,8 +135,8 @@ def walk_on(x, y, lane, field, pyramid, P, turn, size, rays, work):
         rays[NEAR + lane],
         rays[FAR + lane],
     )
-    q0, q1 = turn[0, 0] * px + turn[0, 1] * py + turn[0, 2], turn[1, 0] * px + turn[1, 1] * py + turn[1, 2]
-    q2, i, j = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2], int(work[ec.CI + lane]), int(work[ec.CJ + lane])
+    q0, q1 = Q_of[0, 0] * px + Q_of[0, 1] * py + Q_of[0, 2], Q_of[1, 0] * px + Q_of[1, 1] * py + Q_of[1, 2]
+    q2, i, j = Q_of[2, 0] * px + Q_of[2, 1] * py + Q_of[2, 2], int(work[ec.CI + lane]), int(work[ec.CJ + lane])
     t0, t1 = near, min(far, max((i - P0) * i0, (i + 1 - P0) * i0), max((j - P1) * i1, (j + 1 - P1) * i1))
     if work[ec.CI + lane] != work[ec.BI + lane]:
         t0 = max(t0, min((i - P0) * i0, (i + 1 - P0) * i0))
@@ -266,12 +160,12 @@ def max_level(sectors):
 
 @kernel
 def cast_heights(field, pyramid, view, box, eye, lines, base, parts, depth, ids):
-    # view: (start (4,), turn (4, 3)) of parallel rays; box: columns, rows, least d, greatest d; eye: camera depth that
+    # view: (start (4,), Q_of (4, 3)) of parallel rays; box: columns, rows, least d, greatest d; eye: camera depth that
     # still belongs to the eye; lines: (sectors, table) of epipolar.sweep; depth (h, w) f32 and ids (h, w) u32 are
     # lowered in place; a hit's id is base + its cell
     flat, stride = field
     nodes, meta, grid = pyramid
-    start, turn = view
+    start, Q_of = view
     sectors, table = lines
     picture_rows, picture_columns = depth.shape
     tiles_x, tiles_y = -(-picture_columns // ec.TILE_X), -(-picture_rows // ec.TILE_Y)
@@ -291,16 +185,16 @@ def cast_heights(field, pyramid, view, box, eye, lines, base, parts, depth, ids)
         for tile in range(np.int64(part), tiles_x * tiles_y, parts):
             y0, x0 = (tile // tiles_x) * ec.TILE_Y, (tile % tiles_x) * ec.TILE_X
             y1, x1 = min(y0 + ec.TILE_Y, picture_rows), min(x0 + ec.TILE_X, picture_columns)
-            set_out(x0, y0, P0, P1, P2, turn, box, eye, rays)
+            set_out(x0, y0, P0, P1, P2, Q_of, box, eye, rays)
             clear_entries(rays, places)
             for number in range(4):
-                if sectors[number, el.USED] > 0.0 and crosses(number, x0, y0, x1, y1, turn):
+                if sectors[number, el.USED] > 0.0 and crosses(number, x0, y0, x1, y1, Q_of):
                     along = P0 if number < 2 else P1
                     if number & 1:
                         along = (columns if number < 2 else rows) - along
                     find_entries(number, sectors, along, x0, y0, rays, places)
             look_up(table, rays, places)
-            if enter_cells(x0, y0, P0, P1, P2, turn, columns, rows, steepest, rays, work) == 0:
+            if enter_cells(x0, y0, P0, P1, P2, Q_of, columns, rows, steepest, rays, work) == 0:
                 continue
             going, passed, blocks, batch = ec.LANES, 0, first_blocks, work
             while going > 0 and passed < ec.PATIENCE:
@@ -317,11 +211,11 @@ def cast_heights(field, pyramid, view, box, eye, lines, base, parts, depth, ids)
                     going, batch = ec.leave_behind(left, work, late), late
                 elif left < ec.CROWDED * going or passed >= ec.PATIENCE:
                     going = ec.bring_back(going, late, work)
-            meet(x0, y0, P0, P1, P2, turn, rays, work)
+            meet(x0, y0, P0, P1, P2, Q_of, rays, work)
             for n in range(find_late(work)):
                 lane = int(work[ec.LANE + n])
                 x, y = x0 + lane % ec.TILE_X, y0 + lane // ec.TILE_X
-                walk_on(x, y, lane, field, pyramid, (P0, P1, P2), turn, (columns, rows), rays, work)
+                walk_on(x, y, lane, field, pyramid, (P0, P1, P2), Q_of, (columns, rows), rays, work)
             enter_hits(x0, y0, x1 - x0, y1 - y0, stride, base, work, places, depth, ids)
 
 
@@ -341,11 +235,11 @@ def enter_hits(x0, y0, wide, high, stride, base, work, places, depth, ids):
 
 
 @fused
-def crosses(number, x0, y0, x1, y1, turn):
+def crosses(number, x0, y0, x1, y1, Q_of):
     # may a ray of the tile belong to the sector?
     for corner in range(4):
         x, y = x0 if corner & 1 else x1, y0 if corner & 2 else y1
-        wx, wy = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2], turn[1, 0] * x + turn[1, 1] * y + turn[1, 2]
+        wx, wy = Q_of[0, 0] * x + Q_of[0, 1] * y + Q_of[0, 2], Q_of[1, 0] * x + Q_of[1, 1] * y + Q_of[1, 2]
         along = wx if number < 2 else wy
         if (-along if number & 1 else along) > 0.0:
             return True

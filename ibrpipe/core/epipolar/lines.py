@@ -42,12 +42,12 @@ NEAREST = 1e-12
 MARGIN = 1.0
 
 
-def lay_lines(start, turn, pixels, cells, size, spacing, finest, coarseness, depths=(-math.inf, math.inf)):
+def lay_lines(start, Q_of, pixels, cells, size, spacing, finest, coarseness, depths=(-math.inf, math.inf)):
     """Return (sectors (4, SECTOR_SIZE) f64, edges (4, 4, n) f64, entries) of one field and camera.
 
     Parameters
     ----------
-    start, turn : (4,), (4, 3) float64
+    start, Q_of : (4,), (4, 3) float64
         Rays in the field's coordinates.
     pixels : (3, 4) float64
         (u, v, d, 1) to homogeneous pixels.
@@ -72,11 +72,11 @@ def lay_lines(start, turn, pixels, cells, size, spacing, finest, coarseness, dep
         Entries of the table of all sectors; the first is for pixels that have no line.
     """
     sectors, edges, entries = np.zeros((4, SECTOR_SIZE)), [np.zeros((4, 1))] * 4, 1
-    starts, turns, pixels = start.tolist(), turn.tolist(), pixels.tolist()  # plain numbers are quicker one by one
+    starts, rows, pixels = start.tolist(), Q_of.tolist(), pixels.tolist()  # plain numbers are quicker one by one
     cells = (float(cells[0]), float(cells[1]))
     for number in range(4):
         axis, sign, own = number >> 1, -1.0 if number & 1 else 1.0, [0.0] * SECTOR_SIZE
-        P, Q = _turned(starts, turns, axis, sign, cells)
+        P, Q = _along_and_across(starts, rows, axis, sign, cells)
         if _lay_sector(own, axis, sign, P, Q, pixels, cells, size, spacing, finest, coarseness, depths):
             own[FIRST] = entries
             entries += int(own[LINES] * own[BINS])
@@ -87,13 +87,13 @@ def lay_lines(start, turn, pixels, cells, size, spacing, finest, coarseness, dep
     return sectors, packed, entries
 
 
-def _turned(start, turn, axis, sign, cells):
-    """Return start (4,) and turn (4, 3) as (along, across, d, q) rows."""
-    along, ways = start[axis], turn[axis]
+def _along_and_across(start, Q_of, axis, sign, cells):
+    """Return start (4,) and Q_of (4, 3) as (along, across, d, q) rows."""
+    along, ways = start[axis], Q_of[axis]
     if sign < 0:
         along = cells[axis] * start[3] - along
-        ways = [cells[axis] * q - way for q, way in zip(turn[3], ways, strict=True)]
-    return (along, start[1 - axis], start[2], start[3]), (ways, turn[1 - axis], turn[2], turn[3])
+        ways = [cells[axis] * q - way for q, way in zip(Q_of[3], ways, strict=True)]
+    return (along, start[1 - axis], start[2], start[3]), (ways, Q_of[1 - axis], Q_of[2], Q_of[3])
 
 
 def _lay_sector(own, axis, sign, P, Q, pixels, cells, size, spacing, finest, coarseness, depths):

@@ -10,7 +10,7 @@ change per camera depth of d (parallel frames) or of z = -1/d (perspective ones)
 Symbols: P, Q of :mod:`ibrpipe.core.rays`; samples lie where u and v are whole numbers; NaN = background.
 
 Packed arguments of the sampled searches: ``raster`` (flat (rows * stride,) f32 samples, stride, steps (2,): greatest
-step within a surface, a constant and a share of the depth); ``view`` (start (4,), turn (4, 3), weight (4,): (u, v, d,
+step within a surface, a constant and a share of the depth); ``view`` (start (4,), Q_of (4, 3), weight (4,): (u, v, d,
 1) to camera depth (perspective: over own z), perspective).
 """
 
@@ -105,15 +105,15 @@ def meet_near(raster, view, linear, within, ends, eye, base, depth, ids):
     # within: the eye may be within the field; ends (2,): least and greatest depth of the samples; depth (h, w) f32 and
     # ids (h, w) u32 are lowered in place
     flat, stride, steps = raster
-    start, turn, weight, perspective = view
+    start, Q_of, weight, perspective = view
     rows = len(flat) // stride
     for y in prange(depth.shape[0]):
         for x in range(depth.shape[1]):
             px, py = x + 0.5, y + 0.5
-            a = turn[0, 0] * px + turn[0, 1] * py + turn[0, 2]
-            b = turn[1, 0] * px + turn[1, 1] * py + turn[1, 2]
-            n = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2]
-            q = turn[3, 0] * px + turn[3, 1] * py + turn[3, 2]
+            a = Q_of[0, 0] * px + Q_of[0, 1] * py + Q_of[0, 2]
+            b = Q_of[1, 0] * px + Q_of[1, 1] * py + Q_of[1, 2]
+            n = Q_of[2, 0] * px + Q_of[2, 1] * py + Q_of[2, 2]
+            q = Q_of[3, 0] * px + Q_of[3, 1] * py + Q_of[3, 2]
             wu, wv, g = start[3] * a - q * start[0], start[3] * b - q * start[1], q if perspective else n
             near = is_short(wu, wv, g, ends[1] - ends[0])
             if g == 0.0 or not (near or within):

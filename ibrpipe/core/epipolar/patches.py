@@ -6,7 +6,7 @@ parallel or perspective: a column ``u = i`` is crossed at ``t = (i P_q - P_x) / 
 Symbols: :mod:`ibrpipe.core.rays`.
 
 Packed arguments: ``patches`` (starts (cells + 1,) i64 first patch of every cell, corners (P, 4) f32, masks (P,) u8);
-``pyramid`` (nodes, meta, grid), grid = (lowest depth, depth per step); ``view`` (rays (16,): start (4,), then turn
+``pyramid`` (nodes, meta, grid), grid = (lowest depth, depth per step); ``view`` (rays (16,): start (4,), then Q_of
 (4, 3) row by row, eye: camera depth that still belongs to the eye); ``pixel`` (px, py) the middle of a pixel;
 ``depths`` (least, greatest).
 """
@@ -183,9 +183,9 @@ def walk_cells(pixel, P, Q, near, far, patches, pyramid, view):
 
 @kernel
 def cast_patches(patches, pyramid, view, box, eye, lines, base, parts, depth, ids):
-    # view: (start (4,), turn (4, 3)); box: columns, rows, least d, greatest d; lines: (sectors, table) of
+    # view: (start (4,), Q_of (4, 3)); box: columns, rows, least d, greatest d; lines: (sectors, table) of
     # epipolar.sweep; depth (h, w) f32 and ids (h, w) u32 are lowered in place; a hit's id is base + its patch
-    start, turn = view
+    start, Q_of = view
     sectors, table = lines
     rows, columns = depth.shape
     for part in prange(parts):
@@ -193,12 +193,12 @@ def cast_patches(patches, pyramid, view, box, eye, lines, base, parts, depth, id
         rays[:4] = start
         for k in range(4):
             for m in range(3):
-                rays[4 + 3 * k + m] = turn[k, m]
+                rays[4 + 3 * k + m] = Q_of[k, m]
         for y in range(np.int64(part), rows, parts):
             for x in range(columns):
                 px, py = x + 0.5, y + 0.5
                 for k in range(4):
-                    Q[k] = turn[k, 0] * px + turn[k, 1] * py + turn[k, 2]
+                    Q[k] = Q_of[k, 0] * px + Q_of[k, 1] * py + Q_of[k, 2]
                 seen = float(depth[y, x])  # what is behind another map's hit is not searched
                 near, far = clip_box(start, Q[0], Q[1], Q[2], Q[3], box, seen + CLOSE * seen)
                 near = max(near, start_of(px, py, start, Q, sectors, table))

@@ -173,18 +173,18 @@ def sweep_samples(sectors, edges, flat, stride, linear, gaps, steps, groups, par
 
 
 @fused
-def find_columns(number, x0, y, count, start, turn, slope, reach, sectors, table, work):
-    # COLUMN: column of every pixel's correspondence in a sector, inf for none -> is there any; slope: row of `turn` by
+def find_columns(number, x0, y, count, start, Q_of, slope, reach, sectors, table, work):
+    # COLUMN: column of every pixel's correspondence in a sector, inf for none -> is there any; slope: row of `Q_of` by
     # which depth changes, reach: range of depths; rays that are short in the reference are left to `epipolar_near`
     l0, l1, l2, lines = sectors[number, 0], sectors[number, 1], sectors[number, 2], sectors[number, el.LINES]
     s0, s1, s2 = sectors[number, 3], sectors[number, 4], sectors[number, 5]
     b0, b1, b2, bins = sectors[number, 6], sectors[number, 7], sectors[number, 8], sectors[number, el.BINS]
     first, line_step, bin_step = sectors[number, el.FIRST], sectors[number, el.LINE_STEP], sectors[number, el.BIN_STEP]
     py, P0, P1, P3 = y + 0.5, start[0], start[1], start[3]
-    x_x, x_y = P3 * turn[0, 0] - P0 * turn[3, 0], P3 * turn[0, 1] - P0 * turn[3, 1]
-    y_x, y_y = P3 * turn[1, 0] - P1 * turn[3, 0], P3 * turn[1, 1] - P1 * turn[3, 1]
-    x_1, y_1 = P3 * turn[0, 2] - P0 * turn[3, 2], P3 * turn[1, 2] - P1 * turn[3, 2]
-    g_x, g_1 = turn[slope, 0], turn[slope, 1] * py + turn[slope, 2]
+    x_x, x_y = P3 * Q_of[0, 0] - P0 * Q_of[3, 0], P3 * Q_of[0, 1] - P0 * Q_of[3, 1]
+    y_x, y_y = P3 * Q_of[1, 0] - P1 * Q_of[3, 0], P3 * Q_of[1, 1] - P1 * Q_of[3, 1]
+    x_1, y_1 = P3 * Q_of[0, 2] - P0 * Q_of[3, 2], P3 * Q_of[1, 2] - P1 * Q_of[3, 2]
+    g_x, g_1 = Q_of[slope, 0], Q_of[slope, 1] * py + Q_of[slope, 2]
     swapped, sign = number >= 2, -1.0 if number & 1 else 1.0
     for k in range(count):
         px = x0 + k + 0.5
@@ -209,15 +209,15 @@ def meet_column(number, shift, x0, y, count, size, view, raster, linear, out, wo
     # there; in homogeneous numbers, as a sample before a ray's vanishing point may be met at a column beyond it; size:
     # last row across, columns along
     breadth, columns = size
-    start, turn, _, _ = view
+    start, Q_of, _, _ = view
     flat, stride, steps = raster
     axis, other = number >> 1, 1 - (number >> 1)
     backward = (number & 1) == 1
     along_step, across_step = (stride, 1) if axis == 1 else (1, stride)
     Pa, Pc, Pd, Pq, py = start[axis], start[other], start[2], start[3], y + 0.5
-    a0, a1 = turn[axis, 0], turn[axis, 1] * py + turn[axis, 2]
-    c0, c1 = turn[other, 0], turn[other, 1] * py + turn[other, 2]
-    d0, d1, q0, q1 = turn[2, 0], turn[2, 1] * py + turn[2, 2], turn[3, 0], turn[3, 1] * py + turn[3, 2]
+    a0, a1 = Q_of[axis, 0], Q_of[axis, 1] * py + Q_of[axis, 2]
+    c0, c1 = Q_of[other, 0], Q_of[other, 1] * py + Q_of[other, 2]
+    d0, d1, q0, q1 = Q_of[2, 0], Q_of[2, 1] * py + Q_of[2, 2], Q_of[3, 0], Q_of[3, 1] * py + Q_of[3, 2]
     for k in range(count):
         px, column = x0 + k + 0.5, work[COLUMN + k] + shift
         inside = (column >= 0.0) & (column < columns)
@@ -258,14 +258,14 @@ def cut_steps(count, steps, work):
 
 
 @fused
-def cross_between(number, x0, y, count, columns, start, turn, tiles, work):
+def cross_between(number, x0, y, count, columns, start, Q_of, tiles, work):
     # camera depth T where a ray first changes side between four columns, else within the tile of the pixel's own
     # column (tiles) or at that column; d of the ray and of the samples is linear in the column, which the camera
     # depth of perspective frames is not
     axis, backward = number >> 1, (number & 1) == 1
     Pa, Pd, Pq, py = start[axis], start[2], start[3], y + 0.5
-    a0, a1 = turn[axis, 0], turn[axis, 1] * py + turn[axis, 2]
-    d0, d1, q0, q1 = turn[2, 0], turn[2, 1] * py + turn[2, 2], turn[3, 0], turn[3, 1] * py + turn[3, 2]
+    a0, a1 = Q_of[axis, 0], Q_of[axis, 1] * py + Q_of[axis, 2]
+    d0, d1, q0, q1 = Q_of[2, 0], Q_of[2, 1] * py + Q_of[2, 2], Q_of[3, 0], Q_of[3, 1] * py + Q_of[3, 2]
     for k in range(count):
         px = x0 + k + 0.5
         a, q = a0 * px + a1, q0 * px + q1
@@ -291,7 +291,7 @@ def pick_samples(raster, view, lines, linear, reach, eye, base, parts, depth, id
     # reach: range of depths; depth (h, w) f32 and ids (h, w) u32 are lowered in place; a hit's id is base + its sample
     # (linear: the upper or left one of those it lies between)
     _, stride, steps = raster
-    start, turn, weight, perspective = view
+    start, Q_of, weight, perspective = view
     sectors, table = lines
     rows, columns = depth.shape
     slope, tiles = 3 if perspective else 2, steps[0] < np.inf
@@ -303,7 +303,7 @@ def pick_samples(raster, view, lines, linear, reach, eye, base, parts, depth, id
                 for number in range(4):
                     if sectors[number, el.USED] == 0.0:
                         continue
-                    if not find_columns(number, x0, y, count, start, turn, slope, reach, sectors, table, work):
+                    if not find_columns(number, x0, y, count, start, Q_of, slope, reach, sectors, table, work):
                         continue
                     breadth, wide = sectors[number, el.ACROSS], sectors[number, el.ALONG] + 1.0
                     if linear:
@@ -314,7 +314,7 @@ def pick_samples(raster, view, lines, linear, reach, eye, base, parts, depth, id
                             )  # fmt: skip
                         if tiles:
                             cut_steps(count, steps, work)
-                        cross_between(number, x0, y, count, wide, start, turn, tiles, work)
+                        cross_between(number, x0, y, count, wide, start, Q_of, tiles, work)
                     else:
                         meet_column(number, 0.0, x0, y, count, (breadth, wide), view, raster, False, 0, work)
                         for k in range(count):
@@ -331,7 +331,7 @@ def pick_samples(raster, view, lines, linear, reach, eye, base, parts, depth, id
 
 
 @kernel
-def shade_samples(depth, ids, base, start, turn, flat, stride, color, linear, out, known):
+def shade_samples(depth, ids, base, start, Q_of, flat, stride, color, linear, out, known):
     # color (rows, stride, 3) f32; hits with ids in [base, base + samples): out (h, w, 3) f32 and known (h, w) f32
     rows, columns = len(flat) // stride, stride
     for y in prange(depth.shape[0]):
@@ -346,9 +346,9 @@ def shade_samples(depth, ids, base, start, turn, flat, stride, color, linear, ou
                 known[y, x] = 1.0
                 continue
             px, py, t = x + 0.5, y + 0.5, float(depth[y, x])
-            q = start[3] + t * (turn[3, 0] * px + turn[3, 1] * py + turn[3, 2])
-            p = (start[0] + t * (turn[0, 0] * px + turn[0, 1] * py + turn[0, 2])) / q
-            r = (start[1] + t * (turn[1, 0] * px + turn[1, 1] * py + turn[1, 2])) / q
+            q = start[3] + t * (Q_of[3, 0] * px + Q_of[3, 1] * py + Q_of[3, 2])
+            p = (start[0] + t * (Q_of[0, 0] * px + Q_of[0, 1] * py + Q_of[0, 2])) / q
+            r = (start[1] + t * (Q_of[1, 0] * px + Q_of[1, 1] * py + Q_of[1, 2])) / q
             i, j = min(max(int(np.floor(p)), 0), columns - 2), min(max(int(np.floor(r)), 0), rows - 2)
             total, red, green, blue = 0.0, 0.0, 0.0, 0.0
             for corner in range(4):

@@ -11,7 +11,7 @@ number. The least word of a pixel wins, whatever the order of the work and the n
 Symbols: see :mod:`ibrpipe.core.ldi.project_heights`; kind = pixels of a piece: columns - 1 + 2 (rows - 1).
 
 Packed arguments: ``patches`` (corners (B, 4, BLOCK) f32, places (B, 2, BLOCK) f32 column and row, masks (B, BLOCK) u8,
-numbers (B, BLOCK) u32), in blocks; ``views`` (pixels (F, 3, 4), rays (F, 16): start, then turn row by row, eyes (F,):
+numbers (B, BLOCK) u32), in blocks; ``views`` (pixels (F, 3, 4), rays (F, 16): start, then Q_of row by row, eyes (F,):
 camera depth that still belongs to the eye, signs (F,): sign of the screen's turn where a front is seen, perspective
 (F,) bool) of all fields; ``size`` (columns, rows) of the picture; ``lists`` (counts (4,), listed, tags) by kind.
 """

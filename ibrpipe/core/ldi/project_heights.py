@@ -9,7 +9,7 @@ corner depths; on a ray all of u q - i q, v q - j q and d q - a q are linear in 
 quadratic in t vanishes. A hit (t, id) replaces another when t is less, or equal with a lesser id: whatever the order
 of patches and the number of threads, the same one wins.
 
-Packed arguments: ``view`` (pixel (3, 4), rays (16,) f64: start (4,), then turn (4, 3) row by row, eye: camera depth
+Packed arguments: ``view`` (pixel (3, 4), rays (16,) f64: start (4,), then Q_of (4, 3) row by row, eye: camera depth
 that still belongs to the eye itself); ``corners`` (a, b, c, e) depths at (0, 0), (1, 0), (0, 1), (1, 1); ``cells`` (j,
 i0, i1): row, and columns i0 .. i1 - 1; ``vertices`` (xs, ys, ws): pixels and weights of two rows of a block's
 vertices, the upper from ``ends[0]`` on and the lower from ``ends[1]`` on; ``out`` (depth (h, w) f32, ids (h, w) u32).

@@ -8,7 +8,7 @@ a root where g rises (the ray passes to greater depth).
 
 Packed arguments: ``place`` (u, v, d) of a ray at s = 0 and ``way`` (du, dv, dd) to s = 1; ``corners`` (a, b, c, e)
 depths at (0, 0), (1, 0), (0, 1), (1, 1); ``pyramid`` (nodes, meta, grid), grid = (lowest depth, steps per depth);
-``leaves`` (height, cells, corners, masks): see renderers.search.quadtree.Sheet; ``view`` (start (4,), turn (4, 3)).
+``leaves`` (height, cells, corners, masks): see renderers.search.quadtree.Sheet; ``view`` (start (4,), Q_of (4, 3)).
 """
 
 from __future__ import annotations
@@ -127,15 +127,15 @@ def walk_ray(pyramid, leaves, columns, rows, place, way, near_t, front):
 def search_field(view, box, pyramid, leaves, front, window, base, depth, ids):
     # box (4,): see rays; window (x0, x1, y0, y1) pixels; depth (h, w) f32 and ids (h, w) u32 are lowered in place:
     # nearest hit, at equal depth the least id; a hit's id is base + its patch (or cell) number
-    start, turn = view
+    start, Q_of = view
     columns, rows = int(box[0]), int(box[1])
     for y in prange(window[2], window[3]):
         for x in range(window[0], window[1]):
             px, py = x + 0.5, y + 0.5
-            dx = turn[0, 0] * px + turn[0, 1] * py + turn[0, 2]
-            dy = turn[1, 0] * px + turn[1, 1] * py + turn[1, 2]
-            dn = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2]
-            dq = turn[3, 0] * px + turn[3, 1] * py + turn[3, 2]
+            dx = Q_of[0, 0] * px + Q_of[0, 1] * py + Q_of[0, 2]
+            dy = Q_of[1, 0] * px + Q_of[1, 1] * py + Q_of[1, 2]
+            dn = Q_of[2, 0] * px + Q_of[2, 1] * py + Q_of[2, 2]
+            dq = Q_of[3, 0] * px + Q_of[3, 1] * py + Q_of[3, 2]
             near, far = clip_box(start, dx, dy, dn, dq, box, float(depth[y, x]) * (1.0 + 1e-6))
             if not near <= far:
                 continue

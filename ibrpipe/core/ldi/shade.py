@@ -13,17 +13,17 @@ from ibrpipe.core.jit import helper, kernel
 
 
 @helper
-def place_in_cell(x, y, t, i, j, start, turn):
+def place_in_cell(x, y, t, i, j, start, Q_of):
     # where pixel (x, y)'s ray is at camera depth t, in cell (i, j) -> (p, q), kept in [0, 1]
     px, py = x + 0.5, y + 0.5
-    q = start[3] + t * (turn[3, 0] * px + turn[3, 1] * py + turn[3, 2])
-    u = (start[0] + t * (turn[0, 0] * px + turn[0, 1] * py + turn[0, 2])) / q - i
-    v = (start[1] + t * (turn[1, 0] * px + turn[1, 1] * py + turn[1, 2])) / q - j
+    q = start[3] + t * (Q_of[3, 0] * px + Q_of[3, 1] * py + Q_of[3, 2])
+    u = (start[0] + t * (Q_of[0, 0] * px + Q_of[0, 1] * py + Q_of[0, 2])) / q - i
+    v = (start[1] + t * (Q_of[1, 0] * px + Q_of[1, 1] * py + Q_of[1, 2])) / q - j
     return min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
 
 
 @kernel
-def shade_heights(depth, ids, base, start, turn, color, out, known):
+def shade_heights(depth, ids, base, start, Q_of, color, out, known):
     # color (H, W, 3) f32 texels, hits with ids from `base` on; out (h, w, 3) f32 and known (h, w) f32 are set
     # where this field is hit
     columns, cells = color.shape[1] - 1, (color.shape[0] - 1) * (color.shape[1] - 1)
@@ -33,7 +33,7 @@ def shade_heights(depth, ids, base, start, turn, color, out, known):
             if not depth[y, x] < np.inf or cell < 0 or cell >= cells:
                 continue
             j, i = cell // columns, cell % columns
-            p, q = place_in_cell(x, y, float(depth[y, x]), i, j, start, turn)
+            p, q = place_in_cell(x, y, float(depth[y, x]), i, j, start, Q_of)
             for k in range(3):
                 upper = color[j, i, k] + p * (color[j, i + 1, k] - color[j, i, k])
                 lower = color[j + 1, i, k] + p * (color[j + 1, i + 1, k] - color[j + 1, i, k])
@@ -42,8 +42,8 @@ def shade_heights(depth, ids, base, start, turn, color, out, known):
 
 
 @kernel
-def shade_patches(depth, ids, records, starts, turns, color, out, known):
-    # records (P, 8) i32: column, row, field, 0, samples of four corners (-1 = none); starts (F, 4), turns (F, 4, 3):
+def shade_patches(depth, ids, records, starts, Q_of, color, out, known):
+    # records (P, 8) i32: column, row, field, 0, samples of four corners (-1 = none); starts (F, 4), Q_of (F, 4, 3):
     # rays of every field; color (S, 4) f32, the fourth 0 where no photo saw the sample; out (h, w, 3) f32; known (h, w)
     # f32: 0 where a hit's colour is unknown
     for y in prange(depth.shape[0]):
@@ -53,9 +53,9 @@ def shade_patches(depth, ids, records, starts, turns, color, out, known):
             if not t < np.inf or patch >= records.shape[0]:
                 continue
             f, px = records[patch, 2], x + 0.5
-            q = starts[f, 3] + t * (turns[f, 3, 0] * px + turns[f, 3, 1] * py + turns[f, 3, 2])
-            u = starts[f, 0] + t * (turns[f, 0, 0] * px + turns[f, 0, 1] * py + turns[f, 0, 2])
-            v = starts[f, 1] + t * (turns[f, 1, 0] * px + turns[f, 1, 1] * py + turns[f, 1, 2])
+            q = starts[f, 3] + t * (Q_of[f, 3, 0] * px + Q_of[f, 3, 1] * py + Q_of[f, 3, 2])
+            u = starts[f, 0] + t * (Q_of[f, 0, 0] * px + Q_of[f, 0, 1] * py + Q_of[f, 0, 2])
+            v = starts[f, 1] + t * (Q_of[f, 1, 0] * px + Q_of[f, 1, 1] * py + Q_of[f, 1, 2])
             p, r = u / q - records[patch, 0], v / q - records[patch, 1]
             p, r = np.float32(min(max(p, 0.0), 1.0)), np.float32(min(max(r, 0.0), 1.0))
             total, red, green, blue = np.float32(0.0), np.float32(0.0), np.float32(0.0), np.float32(0.0)

@@ -4,7 +4,7 @@ At equal camera depth t the rays of a tile fill a parallelogram, the hull of the
 over a span of t is compared with the blocks of the pyramid that it touches. What this skips, no ray of the tile can
 meet.
 
-Symbols: ``start + t * (px, py, 1) @ turn`` place (u, v, d) of a ray in cells and depth; ``low, scale``: depth to steps.
+Symbols: ``start + t * (px, py, 1) @ Q_of`` place (u, v, d) of a ray in cells and depth; ``low, scale``: depth to steps.
 """
 
 from __future__ import annotations
@@ -77,10 +77,10 @@ def beam_start(nodes, plan, low, scale, bottom, top, start, ways, most):
 
 
 @fused
-def corner_ways(turn, x0, y0, x1, y1, ways):
+def corner_ways(Q_of, x0, y0, x1, y1, ways):
     # directions (u, v, d) of the rays through the corners of a tile of pixels -> ways (12,)
     for c in range(4):
         x = x1 if c & 1 else x0
         y = y1 if c & 2 else y0
         for axis in range(3):
-            ways[3 * c + axis] = turn[3 * axis] * x + turn[3 * axis + 1] * y + turn[3 * axis + 2]
+            ways[3 * c + axis] = Q_of[3 * axis] * x + Q_of[3 * axis + 1] * y + Q_of[3 * axis + 2]

@@ -42,13 +42,13 @@ ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
 @fused
-def set_out(turn, start, x0, y0, t, grid, columns, rows, size, buf):
+def set_out(Q_of, start, x0, y0, t, grid, columns, rows, size, buf):
     # clip the rays of a group of pixels to the field's box, from camera depth t on -> first column and row of the group
     low, scale, bottom, top = grid[0], grid[1], grid[2], grid[3]
     first_i, first_j = 0.0, 0.0
     for axis in range(2):
         at = start[axis] + t * (
-            turn[3 * axis] * (x0 + 0.5 * ACROSS) + turn[3 * axis + 1] * (y0 + 0.5 * DOWN) + turn[3 * axis + 2]
+            Q_of[3 * axis] * (x0 + 0.5 * ACROSS) + Q_of[3 * axis + 1] * (y0 + 0.5 * DOWN) + Q_of[3 * axis + 2]
         )
         if axis == 0:
             first_i = math.floor(min(max(at, 0.0), columns))
@@ -57,9 +57,9 @@ def set_out(turn, start, x0, y0, t, grid, columns, rows, size, buf):
     for k in range(LANES):
         px = x0 + float(k & (ACROSS - 1)) + 0.5
         py = y0 + float(k // ACROSS) + 0.5
-        x = turn[0] * px + turn[1] * py + turn[2]
-        y = turn[3] * px + turn[4] * py + turn[5]
-        z = turn[6] * px + turn[7] * py + turn[8]
+        x = Q_of[0] * px + Q_of[1] * py + Q_of[2]
+        y = Q_of[3] * px + Q_of[4] * py + Q_of[5]
+        z = Q_of[6] * px + Q_of[7] * py + Q_of[8]
         ix, iy, iz = (
             1.0 / (x if abs(x) > 1e-200 else 1e-200),
             1.0 / (y if abs(y) > 1e-200 else 1e-200),
@@ -238,15 +238,15 @@ def take_corners(pairs, pitch, buf):
 
 
 @ordered
-def settle(start, turn, gx, gy, buf, out):
+def settle(start, Q_of, gx, gy, buf, out):
     # camera depth, in float64, of the root nearest to that found of every ray and the patch of its cell -> out (LANES,)
     for k in range(LANES):
         px, py = gx + float(k & (ACROSS - 1)) + 0.5, gy + float(k // ACROSS) + 0.5
         near = float(buf[NEAR + k]) + float(buf[REST + k]) + float(buf[S + k]) * float(buf[LENGTH + k])
         a, b, c, e = float(buf[C0 + k]), float(buf[C1 + k]), float(buf[C2 + k]), float(buf[C3 + k])
-        du = turn[0] * px + turn[1] * py + turn[2]
-        dv = turn[3] * px + turn[4] * py + turn[5]
-        dd = turn[6] * px + turn[7] * py + turn[8]
+        du = Q_of[0] * px + Q_of[1] * py + Q_of[2]
+        dv = Q_of[3] * px + Q_of[4] * py + Q_of[5]
+        dd = Q_of[6] * px + Q_of[7] * py + Q_of[8]
         u, v = start[0] - float(buf[COLUMN + k]) + near * du, start[1] - float(buf[ROW + k]) + near * dv
         d = start[2] - a + near * dd
         along_u, along_v, twist = b - a, c - a, a - b - c + e
@@ -264,7 +264,7 @@ def settle(start, turn, gx, gy, buf, out):
 
 
 @kernel
-def search_exact(pairs, nodes, plan, grid, start, turn, front, whole, window, out, places):
+def search_exact(pairs, nodes, plan, grid, start, Q_of, front, whole, window, out, places):
     # pairs (H * stride - 1,) i64: texel and its right neighbour, overlapping; the others: see
     # relief_linear.search_linear; front: 1 = only hits where d grows count, 0 = all; whole: no cell is a hole
     across = (window[1] - window[0] + WIDTH - 1) // WIDTH
@@ -281,7 +281,7 @@ def search_exact(pairs, nodes, plan, grid, start, turn, front, whole, window, ou
         depths = np.empty(LANES)
         x0 = float(window[0] + (np.int64(tile) % across) * WIDTH)
         y0 = float(window[2] + (np.int64(tile) // across) * HEIGHT)
-        corner_ways(turn, x0, y0, x0 + WIDTH, y0 + HEIGHT, ways)
+        corner_ways(Q_of, x0, y0, x0 + WIDTH, y0 + HEIGHT, ways)
         t, end = beam_start(nodes, plan, grid[0], grid[1], grid[2], grid[3], start, ways, 3)
         if not t <= end:
             continue
@@ -290,14 +290,14 @@ def search_exact(pairs, nodes, plan, grid, start, turn, front, whole, window, ou
         eye_depth = 1e-9 / max(fast, 1.0)
         for group in range(TILE // LANES):
             gx, gy = x0 + float(group % (WIDTH // ACROSS) * ACROSS), y0 + float(group // (WIDTH // ACROSS) * DOWN)
-            first_i, first_j = set_out(turn, start, gx, gy, t, grid, columns, rows, first_size, buf)
+            first_i, first_j = set_out(Q_of, start, gx, gy, t, grid, columns, rows, first_size, buf)
             going = ONE
             while going > ZERO:
                 while going > ZERO:
                     going = march(nodes, top, top_size, trusted, stride, last_i, last_j, first_i, first_j, buf)
                 going = meet_cells(pairs, pitch, low, scale, only, last_i, last_j, first_i, first_j, eye, buf)
             take_corners(pairs, pitch, buf)
-            settle(start, turn, gx, gy, buf, depths)
+            settle(start, Q_of, gx, gy, buf, depths)
             for k in range(LANES):
                 x, y = np.int64(gx) + (k & (ACROSS - 1)), np.int64(gy) + k // ACROSS
                 if buf[STATE + k] == HIT and x < window[1] and y < window[3]:
@@ -306,5 +306,5 @@ def search_exact(pairs, nodes, plan, grid, start, turn, front, whole, window, ou
                         out[y, x] = depth
                         if places.shape[0] > 0:
                             for axis in range(2):
-                                way = turn[3 * axis] * (x + 0.5) + turn[3 * axis + 1] * (y + 0.5) + turn[3 * axis + 2]
+                                way = Q_of[3 * axis] * (x + 0.5) + Q_of[3 * axis + 1] * (y + 0.5) + Q_of[3 * axis + 2]
                                 places[y, x, axis] = start[axis] + depth * way

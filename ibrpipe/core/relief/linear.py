@@ -53,15 +53,15 @@ def bilinear_at(pairs, stride, u, v, last_i, last_j):
 
 
 @fused
-def clip_lanes(turn, start, x0, y0, t, bottom, top, columns, rows, buf):
+def clip_lanes(Q_of, start, x0, y0, t, bottom, top, columns, rows, buf):
     # buf (15 * PITCH,) f32: A, B, t0, t1 - t0 of the rays of a group of pixels, t1 - t0 < 0 where the box is missed;
     # s at camera depth t
     for k in range(LANES):
         px = x0 + float(k & (ACROSS - 1)) + 0.5
         py = y0 + float(k // ACROSS) + 0.5
-        x = turn[0] * px + turn[1] * py + turn[2]
-        y = turn[3] * px + turn[4] * py + turn[5]
-        z = turn[6] * px + turn[7] * py + turn[8]
+        x = Q_of[0] * px + Q_of[1] * py + Q_of[2]
+        y = Q_of[3] * px + Q_of[4] * py + Q_of[5]
+        z = Q_of[6] * px + Q_of[7] * py + Q_of[8]
         ix, iy, iz = (
             1.0 / (x if abs(x) > 1e-200 else 1e-200),
             1.0 / (y if abs(y) > 1e-200 else 1e-200),
@@ -130,9 +130,9 @@ def skip_samples(nodes, first, level, columns, last_i, last_j, low, step, side, 
 
 
 @kernel
-def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, bisection_steps, window, out, places):
+def search_linear(pairs, nodes, plan, grid, start, Q_of, side, steps, bisection_steps, window, out, places):
     # pairs (H * stride - 1,) i64: texel and its right neighbour, overlapping; grid (5,) f64: low, scale, bottom, top,
-    # stride; start (3,), turn (9,) f64: rays; window (4,) i64: x0, x1, y0, y1 pixels; out (h, w) f32 camera depth,
+    # stride; start (3,), Q_of (9,) f64: rays; window (4,) i64: x0, x1, y0, y1 pixels; out (h, w) f32 camera depth,
     # lowered in place where the ray hits nearer; places (h, w, 2) f64 or (0, 0, 2): hits in cells
     across = (window[1] - window[0] + WIDTH - 1) // WIDTH
     down = (window[3] - window[2] + HEIGHT - 1) // HEIGHT
@@ -148,7 +148,7 @@ def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, bisection_
         ways = np.empty(12)
         x0 = float(window[0] + (np.int64(tile) % across) * WIDTH)
         y0 = float(window[2] + (np.int64(tile) // across) * HEIGHT)
-        corner_ways(turn, x0, y0, x0 + WIDTH, y0 + HEIGHT, ways)
+        corner_ways(Q_of, x0, y0, x0 + WIDTH, y0 + HEIGHT, ways)
         t, end = beam_start(nodes, plan, grid[0], grid[1], grid[2], grid[3], start, ways, 3)
         if not t < end:
             continue
@@ -160,7 +160,7 @@ def search_linear(pairs, nodes, plan, grid, start, turn, side, steps, bisection_
         block_columns = np.uint32(plan[3] >> level)
         for group in range(TILE // LANES):
             gx, gy = x0 + float(group % (WIDTH // ACROSS) * ACROSS), y0 + float(group // (WIDTH // ACROSS) * DOWN)
-            clip_lanes(turn, start, gx, gy, t, grid[2], grid[3], columns, rows, buf)
+            clip_lanes(Q_of, start, gx, gy, t, grid[2], grid[3], columns, rows, buf)
             for k in range(LANES):
                 length = buf[7 * PITCH + k]
                 skipped = min(max(buf[8 * PITCH + k], -one), one) * steps32

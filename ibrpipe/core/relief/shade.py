@@ -9,17 +9,17 @@ from ibrpipe.core.jit import kernel
 
 
 @kernel
-def place_hits(depth, ids, width, start, turn, places):
+def place_hits(depth, ids, width, start, Q_of, places):
     # depth (h, w) f32, ids (h, w) u32 number of the cell hit, of `width` cells a row, 2^32 - 1 = none; start (4,),
-    # turn (4, 3): rays in cells -> places (h, w, 2) f64 of the hits, within their cells
+    # Q_of (4, 3): rays in cells -> places (h, w, 2) f64 of the hits, within their cells
     none = np.uint32(2**32 - 1)
     for y in prange(depth.shape[0]):
         for x in range(depth.shape[1]):
             if ids[y, x] == none:
                 continue
             i, j, t = ids[y, x] % width, ids[y, x] // width, depth[y, x]
-            u = start[0] + t * (turn[0, 0] * (x + 0.5) + turn[0, 1] * (y + 0.5) + turn[0, 2])
-            v = start[1] + t * (turn[1, 0] * (x + 0.5) + turn[1, 1] * (y + 0.5) + turn[1, 2])
+            u = start[0] + t * (Q_of[0, 0] * (x + 0.5) + Q_of[0, 1] * (y + 0.5) + Q_of[0, 2])
+            v = start[1] + t * (Q_of[1, 0] * (x + 0.5) + Q_of[1, 1] * (y + 0.5) + Q_of[1, 2])
             places[y, x, 0], places[y, x, 1] = min(max(u, float(i)), i + 1.0), min(max(v, float(j)), j + 1.0)
 
 

@@ -121,11 +121,11 @@ def search_layers(front, back, lows, highs, plan, rule, ray, begin, end, solid, 
 
 
 @kernel
-def hit_faces(mesh, layers, rule, ways, layer, face, depth, mine, places, turns):
+def hit_faces(mesh, layers, rule, ways, layer, face, depth, mine, places, hit_frames):
     # mesh: vertices (V, 3) f64 from the eye, corners (F, 3) i64, uv (F, 3, 2) f64, frames (F, 3, 9) f32; layers: front,
     # back, lows, highs, plan; layer (h, w) f64, face (h, w) i32: polygons seen -> depth (h, w) f32 lowered where the
-    # ray hits nearer, there mine (h, w) u8 = 1, and unless they are empty places (h, w, 3) f64 = (x, y cells, z), turns
-    # (h, w, 9) f32 = frame
+    # ray hits nearer, there mine (h, w) u8 = 1, and unless they are empty places (h, w, 3) f64 = (x, y cells, z),
+    # hit_frames (h, w, 9) f32
     vertices, corners, uv, frames = mesh
     front, back, lows, highs, plan = layers
     for y in prange(face.shape[0]):
@@ -171,4 +171,4 @@ def hit_faces(mesh, layers, rule, ways, layer, face, depth, mine, places, turns)
             if places.shape[0] > 0:
                 places[y, x, 0], places[y, x, 1], places[y, x, 2] = at_x, at_y, s
                 for k in range(9):
-                    turns[y, x, k] = box[k]
+                    hit_frames[y, x, k] = box[k]

@@ -79,8 +79,8 @@ def read_footprint(texels, table, wraps, u, v, foot, most, out):
         return
     middle, half = 0.5 * (xx + yy), math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
     longer, shorter = math.sqrt(middle + half), math.sqrt(max(middle - half, 0.0))
-    turn = 0.5 * math.atan2(2.0 * xy, xx - yy)
-    step_u, step_v = longer * math.cos(turn) / across, longer * math.sin(turn) / down
+    frame = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    step_u, step_v = longer * math.cos(frame) / across, longer * math.sin(frame) / down
     probes = np.int64(min(max(math.ceil(min(longer / max(shorter, 1.0), 1e6) - 1e-6), 1.0), float(most)))
     size = max(longer / probes, shorter)
     level = min(max(math.log2(max(size, 1e-9)), 0.0), float(table.shape[0] - 1))

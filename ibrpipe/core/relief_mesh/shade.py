@@ -39,42 +39,42 @@ def _unit(x, y, z):
 
 
 @helper
-def footprint(turn, ways, w, t, out):
+def footprint(frame, ways, w, t, out):
     # texture coordinates per pixel of the plane through the hit that is parallel to the polygon -> out (4,)
-    fall = turn[6] * w[0] + turn[7] * w[1] + turn[8] * w[2]
+    fall = frame[6] * w[0] + frame[7] * w[1] + frame[8] * w[2]
     fall = fall if abs(fall) > 1e-300 else 1e-300
-    mu = (turn[0] * w[0] + turn[1] * w[1] + turn[2] * w[2]) / fall
-    mv = (turn[3] * w[0] + turn[4] * w[1] + turn[5] * w[2]) / fall
+    mu = (frame[0] * w[0] + frame[1] * w[1] + frame[2] * w[2]) / fall
+    mv = (frame[3] * w[0] + frame[4] * w[1] + frame[5] * w[2]) / fall
     for axis in range(2):
         x, y, z = ways[0, axis], ways[1, axis], ways[2, axis]
-        sink = turn[6] * x + turn[7] * y + turn[8] * z
-        out[2 * axis] = t * (turn[0] * x + turn[1] * y + turn[2] * z - mu * sink)
-        out[2 * axis + 1] = t * (turn[3] * x + turn[4] * y + turn[5] * z - mv * sink)
+        sink = frame[6] * x + frame[7] * y + frame[8] * z
+        out[2 * axis] = t * (frame[0] * x + frame[1] * y + frame[2] * z - mu * sink)
+        out[2 * axis + 1] = t * (frame[3] * x + frame[4] * y + frame[5] * z - mv * sink)
 
 
 @helper
-def mapped_normal(turn, texel, slopes):
+def mapped_normal(frame, texel, slopes):
     # unit normal of a texel of the normal map, or of slopes of height per texture coordinate (with their sign turned)
-    n = _unit(-turn[6], -turn[7], -turn[8])
+    n = _unit(-frame[6], -frame[7], -frame[8])
     if slopes:
         return _unit(
-            texel[0] * turn[0] + texel[1] * turn[3] - turn[6],
-            texel[0] * turn[1] + texel[1] * turn[4] - turn[7],
-            texel[0] * turn[2] + texel[1] * turn[5] - turn[8],
+            texel[0] * frame[0] + texel[1] * frame[3] - frame[6],
+            texel[0] * frame[1] + texel[1] * frame[4] - frame[7],
+            texel[0] * frame[2] + texel[1] * frame[5] - frame[8],
         )
     # the axes of the texture are the cross products of the frame's other rows
-    hand = n[0] * (turn[1] * turn[5] - turn[2] * turn[4])
-    hand += n[1] * (turn[2] * turn[3] - turn[0] * turn[5]) + n[2] * (turn[0] * turn[4] - turn[1] * turn[3])
+    hand = n[0] * (frame[1] * frame[5] - frame[2] * frame[4])
+    hand += n[1] * (frame[2] * frame[3] - frame[0] * frame[5]) + n[2] * (frame[0] * frame[4] - frame[1] * frame[3])
     sign = 1.0 if hand >= 0.0 else -1.0
     a = _unit(
-        sign * (turn[4] * n[2] - turn[5] * n[1]),
-        sign * (turn[5] * n[0] - turn[3] * n[2]),
-        sign * (turn[3] * n[1] - turn[4] * n[0]),
+        sign * (frame[4] * n[2] - frame[5] * n[1]),
+        sign * (frame[5] * n[0] - frame[3] * n[2]),
+        sign * (frame[3] * n[1] - frame[4] * n[0]),
     )
     b = _unit(
-        sign * (n[1] * turn[2] - n[2] * turn[1]),
-        sign * (n[2] * turn[0] - n[0] * turn[2]),
-        sign * (n[0] * turn[1] - n[1] * turn[0]),
+        sign * (n[1] * frame[2] - n[2] * frame[1]),
+        sign * (n[2] * frame[0] - n[0] * frame[2]),
+        sign * (n[0] * frame[1] - n[1] * frame[0]),
     )
     return _unit(
         texel[0] * a[0] + texel[1] * b[0] + texel[2] * n[0],
@@ -84,7 +84,7 @@ def mapped_normal(turn, texel, slopes):
 
 
 @helper
-def back_normal(turn, back, plan, rule, x, y):
+def back_normal(frame, back, plan, rule, x, y):
     # unit normal of the back layer, out of the object
     i, j = np.int64(math.floor(x)), np.int64(math.floor(y))
     p, q = x - i, y - j
@@ -96,18 +96,20 @@ def back_normal(turn, back, plan, rule, x, y):
     u = ((b - a) * (1.0 - q) + (e - c) * q) * rule[ACROSS]
     v = ((c - a) * (1.0 - p) + (e - b) * p) * rule[DOWN]
     return _unit(
-        turn[6] - u * turn[0] - v * turn[3], turn[7] - u * turn[1] - v * turn[4], turn[8] - u * turn[2] - v * turn[5]
+        frame[6] - u * frame[0] - v * frame[3],
+        frame[7] - u * frame[1] - v * frame[4],
+        frame[8] - u * frame[2] - v * frame[5],
     )
 
 
 @helper
-def is_shaded(front, back, lows, highs, plan, rule, lamp, turn, place, lx, ly, lz):
+def is_shaded(front, back, lows, highs, plan, rule, lamp, frame, place, lx, ly, lz):
     # does the relief lie between a hit and the light, up to the polygon? (lx, ly, lz) unit, toward the light
-    rise = turn[6] * lx + turn[7] * ly + turn[8] * lz
+    rise = frame[6] * lx + frame[7] * ly + frame[8] * lz
     if not rise < 0.0:
         return True
-    du = (turn[0] * lx + turn[1] * ly + turn[2] * lz) / rise
-    dv = (turn[3] * lx + turn[4] * ly + turn[5] * lz) / rise
+    du = (frame[0] * lx + frame[1] * ly + frame[2] * lz) / rise
+    dv = (frame[3] * lx + frame[4] * ly + frame[5] * lz) / rise
     x, y, z = place[0], place[1], place[2]
     dx, dy = du * rule[ACROSS], dv * rule[DOWN]
     x, y = x - z * dx, y - z * dy  # where the light's ray enters
@@ -126,20 +128,20 @@ def is_shaded(front, back, lows, highs, plan, rule, lamp, turn, place, lx, ly, l
 
 
 @kernel
-def shade_hits(mine, depth, places, turns, layers, rule, lamp, ways, colors, normals, out, alpha):
-    # mine (h, w) u8; depth (h, w) f32; places, turns: see relief_mesh_hit; colors, normals: (texels (M, 4) f32, table)
-    # -> out (h, w, 3), alpha (h, w) f32 where mine
+def shade_hits(mine, depth, places, hit_frames, layers, rule, lamp, ways, colors, normals, out, alpha):
+    # mine (h, w) u8; depth (h, w) f32; places, hit_frames: see relief_mesh_hit; colors, normals: (texels (M, 4) f32,
+    # table) -> out (h, w, 3), alpha (h, w) f32 where mine
     front, back, lows, highs, plan = layers
     color_texels, color_table = colors
     normal_texels, normal_table = normals
     wraps, probes, slopes = plan[3] != 0, np.int64(lamp[PROBES]), lamp[SLOPES] > 0.0
     for y in prange(mine.shape[0]):
-        foot, texel, turn, place = np.empty(4), np.empty(4), np.empty(9), np.empty(3)
+        foot, texel, frame, place = np.empty(4), np.empty(4), np.empty(9), np.empty(3)
         for x in range(mine.shape[1]):
             if mine[y, x] == 0:
                 continue
             for k in range(9):
-                turn[k] = turns[y, x, k]
+                frame[k] = hit_frames[y, x, k]
             for k in range(3):
                 place[k] = places[y, x, k]
             px, py, t = x + 0.5, y + 0.5, float(depth[y, x])
@@ -148,7 +150,7 @@ def shade_hits(mine, depth, places, turns, layers, rule, lamp, ways, colors, nor
                 ways[1, 0] * px + ways[1, 1] * py + ways[1, 2],
                 ways[2, 0] * px + ways[2, 1] * py + ways[2, 2],
             )
-            footprint(turn, ways, w, t, foot)
+            footprint(frame, ways, w, t, foot)
             u, v = (place[0] - rule[SHIFT]) / rule[ACROSS], (place[1] - rule[SHIFT]) / rule[DOWN]
             read_footprint(color_texels, color_table, wraps, u, v, foot, probes, texel)
             red, green, blue = texel[0], texel[1], texel[2]
@@ -156,17 +158,17 @@ def shade_hits(mine, depth, places, turns, layers, rule, lamp, ways, colors, nor
             if lamp[LIT] == 0.0:
                 out[y, x, 0], out[y, x, 1], out[y, x, 2] = red, green, blue
                 continue
-            base = _unit(-turn[6], -turn[7], -turn[8])
+            base = _unit(-frame[6], -frame[7], -frame[8])
             if base[0] * w[0] + base[1] * w[1] + base[2] * w[2] > 0.0:
                 base = (-base[0], -base[1], -base[2])
             n = base
             if rule[MAPPING] >= BUMP:
                 read_footprint(normal_texels, normal_table, wraps, u, v, foot, probes, texel)
-                n = mapped_normal(turn, texel, slopes)
+                n = mapped_normal(frame, texel, slopes)
                 if back.shape[0] > 0 and rule[MAPPING] == RELIEF:
                     to_front = abs(place[2] - layer_at(front, plan, place[0], place[1]))
                     if abs(layer_at(back, plan, place[0], place[1]) - place[2]) < to_front:
-                        n = back_normal(turn, back, plan, rule, place[0], place[1])
+                        n = back_normal(frame, back, plan, rule, place[0], place[1])
             lx, ly, lz = lamp[WAY], lamp[WAY + 1], lamp[WAY + 2]
             if lamp[IS_PLACE] > 0.0:
                 lx, ly, lz = lx - t * w[0], ly - t * w[1], lz - t * w[2]
@@ -179,7 +181,7 @@ def shade_hits(mine, depth, places, turns, layers, rule, lamp, ways, colors, nor
             gloss = max(0.0, h[0] * n[0] + h[1] * n[1] + h[2] * n[2]) ** lamp[SHININESS] if shine > 0.0 else 0.0
             shaded = False
             if lamp[SHADOWS] > 0.0 and rule[MAPPING] == RELIEF and shine > 0.0 and gate > 0.0:
-                shaded = is_shaded(front, back, lows, highs, plan, rule, lamp, turn, place, lx, ly, lz)
+                shaded = is_shaded(front, back, lows, highs, plan, rule, lamp, frame, place, lx, ly, lz)
             if shaded:
                 shine *= (lamp[AMBIENT] + lamp[AMBIENT + 1] + lamp[AMBIENT + 2]) / 3.0
                 gloss = 0.0

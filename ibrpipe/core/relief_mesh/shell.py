@@ -162,7 +162,7 @@ def meet_prism(shell, layers, rule, f, w, far, points, rows, rank, box):
 
 
 @kernel
-def hit_shell(shell, layers, rule, ways, order, boxes, depth, mine, places, turns):
+def hit_shell(shell, layers, rule, ways, order, boxes, depth, mine, places, hit_frames):
     # shell: vertices (V, 3) f64 from the eye, their normals (V, 3) f64, corners (F, 3) i64, uv (F, 3, 2) f64, walls
     # (F, 3) u8; order, boxes: see relief_mesh_tree; the others: see relief_mesh_hit.hit_faces
     leaves = (len(boxes) + 1) // 2
@@ -198,9 +198,9 @@ def hit_shell(shell, layers, rule, ways, order, boxes, depth, mine, places, turn
                             if places.shape[0] > 0:
                                 places[y, x, 0], places[y, x, 1], places[y, x, 2] = box[9], box[10], box[11]
                                 for axis in range(3):
-                                    turns[y, x, axis] = box[15 + axis] / rule[ACROSS]
-                                    turns[y, x, 3 + axis] = box[18 + axis] / rule[DOWN]
-                                    turns[y, x, 6 + axis] = -box[12 + axis] / rule[DEEP]
+                                    hit_frames[y, x, axis] = box[15 + axis] / rule[ACROSS]
+                                    hit_frames[y, x, 3 + axis] = box[18 + axis] / rule[DOWN]
+                                    hit_frames[y, x, 6 + axis] = -box[12 + axis] / rule[DEEP]
                     continue
                 one, other = 2 * node + 1, 2 * node + 2
                 near, far = box_entry(boxes, one, inverse, best), box_entry(boxes, other, inverse, best)

@@ -22,7 +22,7 @@ _QUALITY = 93
 
 @dataclass(frozen=True)
 class Column:
-    """One way of showing a view: its name, scores, picture and amplified difference from the photo."""
+    """One method's picture of a view: its name, scores, picture and amplified difference from the photo."""
 
     name: str
     scores: Scores
