@@ -97,7 +97,8 @@ def _found(shot: Shot, photos: PhotoFolder, model: Path) -> Shot:
     """Find a photo whose name differs from the disk's in case, slashes or leading folders."""
     if shot.image.is_file():
         return shot
-    image = photos.at(shot.file, model)
+    name = shot.file.replace("\\", "/").removeprefix("./").removeprefix("images/")
+    image = photos.at(name, model)
     return shot if image is None else replace(shot, image=image, file=name_below(image, photos.root))
 
 

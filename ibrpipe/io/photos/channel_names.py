@@ -34,6 +34,33 @@ def plain_names(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(renamed)
 
 
+def best_part(parts: Sequence[tuple[str, tuple[str, ...]]], wanted: str) -> int:
+    """Return which part of a file holds a channel: one called as the whole picture, else the first; 0 if none does.
+
+    Parameters
+    ----------
+    parts : sequence of (str, tuple of str)
+        Name and channels of every part.
+    wanted : str
+        R or Z.
+    """
+    layered = [tuple(f"{name}.{channel}" if name else channel for channel in channels) for name, channels in parts]
+    having = [
+        index
+        for index, (own, (_, channels)) in enumerate(zip(layered, parts))
+        if wanted in plain_names(own) or (wanted in plain_names(channels) and not _is_data(parts[index][0]))
+    ]
+    for word in _WHOLE:
+        for index in having:
+            if word in parts[index][0].lower():
+                return index
+    return having[0] if having else 0
+
+
+def _is_data(name: str) -> bool:
+    return any(word in name.lower() for word in _NO_COLOUR)
+
+
 def _picture_layer(names: Sequence[tuple[str, str, str]]) -> str | None:
     """The layer whose R, G, B are the picture: one called as such, else the first that is no pass of data."""
     layers = list(dict.fromkeys(above for above, _, _ in names))

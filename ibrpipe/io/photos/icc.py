@@ -64,10 +64,14 @@ def read_profile(data: bytes, channels: int) -> Profile | None:
     Raises
     ------
     FormatError
-        It is damaged, or made of tables alone.
+        It is damaged, made of tables alone, or of other colours than RGB and grey.
     """
+    kind = data[16:20]
+    if kind not in (b"GRAY", b"RGB "):
+        name = kind.decode("ascii", "replace").strip()
+        raise FormatError(f"its ICC profile is of {name} colours, expected RGB or grey: convert the photo to sRGB")
     try:
-        kind, tags = data[16:20], _tags(data)
+        tags = _tags(data)
         if kind == b"GRAY" and channels == 1:
             return Profile((_curve(data, *tags[b"kTRC"]),), None)
         if kind != b"RGB " or channels != 3:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError
-from ibrpipe.io.photos.channel_names import plain_names
+from ibrpipe.io.photos.channel_names import best_part, plain_names
 from ibrpipe.types import Array
 
 LINEAR = "lin_rec709_scene"
@@ -82,19 +82,21 @@ def read_header(path: Path) -> ImageHeader:
         The file does not exist, or is no image that OpenImageIO reads.
     """
     source = _open(path)
+    _seek_part(source, "R")
     header = _header(source.spec())
     source.close()
     return header
 
 
-def read_stored(path: Path) -> tuple[Array, ImageHeader]:
-    """Read all channels as stored, on the display window, (H, W, C)."""
+def read_stored(path: Path, wanted: str = "R") -> tuple[Array, ImageHeader]:
+    """Read all channels as stored, on the display window, (H, W, C); of several parts the one with a wanted channel."""
     source = _open(path)
+    _seek_part(source, wanted)
     spec = source.spec()
     header = _header(spec)
     if spec.deep:
         raise FormatError(f"{path}: holds deep pixels; expected an ordinary image")
-    pixels = source.read_image(0, 0, 0, spec.nchannels, spec.format)
+    pixels = source.read_image(source.current_subimage(), 0, 0, spec.nchannels, spec.format)
     problem = one_line(source.geterror())
     source.close()
     if pixels is None or problem:
@@ -131,6 +133,21 @@ def _open(path: Path) -> Any:
         reason = one_line(oiio.geterror())
         raise FormatError(f"{path}: cannot be read as an image ({reason}); export it again as JPEG, PNG, TIFF or EXR")
     return source
+
+
+def _seek_part(source: Any, wanted: str) -> None:
+    """Go to the part of an OpenEXR file that holds the picture, or depth; the first one where none does.
+
+    A part of the whole picture comes first (`best_part`); other files with several pictures stay at their first one.
+    """
+    if source.format_name() != "openexr" or source.spec().get_int_attribute("oiio:subimages", 1) < 2:
+        return
+    parts: list[tuple[str, tuple[str, ...]]] = []
+    while source.seek_subimage(len(parts), 0):
+        spec = source.spec()
+        parts.append((spec.get_string_attribute("oiio:subimagename", ""), tuple(spec.channelnames)))
+    source.geterror()  # the one of going beyond the last
+    source.seek_subimage(best_part(parts, wanted), 0)
 
 
 def _check_name(path: Path) -> None:

@@ -85,8 +85,10 @@ def read_depth(path: Path) -> Array:
         except (ValueError, EOFError, OSError) as error:
             raise FormatError(f"{path}: not a NumPy array file ({error}); write it with numpy.save") from error
     else:
-        pixels, header = read_stored(path)
+        pixels, header = read_stored(path, "Z")
         depth = pixels[:, :, header.channels.index("Z") if "Z" in header.channels else 0]
+        if "Z" not in header.channels and _in_colour(pixels, header.channels):
+            raise FormatError(f"{path}: holds colours and no depth; expected a channel Z or V")
         if header.integer:
             if depth.dtype != np.uint16:
                 raise FormatError(
@@ -100,6 +102,14 @@ def read_depth(path: Path) -> Array:
     depth = depth.astype(np.float32)
     there = np.isfinite(depth) & (depth > 0) & (depth < NOWHERE) & (depth != HALF_MAX)
     return np.where(there, depth, np.float32(np.inf))
+
+
+def _in_colour(pixels: Array, names: tuple[str, ...]) -> bool:
+    """Whether R, G, B of a float file differ: such a file is no depth map."""
+    if not {"R", "G", "B"} <= set(names) or np.issubdtype(pixels.dtype, np.integer):
+        return False
+    red, green, blue = (pixels[:, :, names.index(name)] for name in "RGB")
+    return not (np.array_equal(red, green, equal_nan=True) and np.array_equal(red, blue, equal_nan=True))
 
 
 def write_png(path: Path, linear: Array, alpha: Array | None = None) -> None:

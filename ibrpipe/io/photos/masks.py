@@ -133,7 +133,7 @@ def _mask_stem(file: Path, capture: Path) -> str:
 def _paired(photos: Sequence[str], masks: Mapping[str, Path]) -> dict[str, Path]:
     """Pair stems one to one: equal ones, equal file names, the same piece of text more, equal numbers."""
     pairs: dict[str, Path] = {}
-    for match in (_by_path, _by_name, _by_affix, _by_number):
+    for match in (_by_path, _by_name, _by_affix, _by_shorter, _by_number):
         taken = set(pairs.values())
         free = {stem: file for stem, file in masks.items() if file not in taken}
         pairs |= match([stem for stem in photos if stem not in pairs], free)
@@ -163,6 +163,12 @@ def _by_affix(photos: Sequence[str], masks: Mapping[str, Path]) -> dict[str, Pat
         return {}
     found = {name: f"{best[0]}{name}{best[1]}" for name in names}
     return {names[name]: masks[files[other]] for name, other in found.items() if other in files}
+
+
+def _by_shorter(photos: Sequence[str], masks: Mapping[str, Path]) -> dict[str, Path]:
+    """Pair as `_by_affix`, where it is the photos' names that are longer: IMG_a and a."""
+    turned = _by_affix(list(masks), {stem: Path(stem) for stem in photos})
+    return {photo.as_posix(): masks[mask] for mask, photo in turned.items()}
 
 
 def _by_number(photos: Sequence[str], masks: Mapping[str, Path]) -> dict[str, Path]:

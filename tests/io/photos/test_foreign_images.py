@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from ibrpipe.core.color import srgb_decode
 from ibrpipe.errors import FormatError
-from ibrpipe.io.photos.channel_names import plain_names
+from ibrpipe.io.photos.channel_names import best_part, plain_names
 from ibrpipe.io.photos.exposure import gains_from_partial_exif
 from ibrpipe.io.photos.icc import read_profile
 from ibrpipe.io.photos.image_files import ImageHeader, read_header
@@ -206,3 +206,48 @@ def test_names_that_are_not_utf8_are_told(tiny_ball, tmp_path):
     assert result.exit_code == 1
     assert "not UTF-8" in result.stderr
     assert result.stderr.count("error:") == 1
+
+
+PARTS = {
+    "plain": [("", ("R", "G", "B", "A")), ("", ("Z",))],
+    "named": [
+        ("ViewLayer.Depth", ("Z",)),
+        ("ViewLayer.Normal", ("X", "Y", "Z")),
+        ("ViewLayer.Combined", ("R", "G", "B")),
+    ],
+    "passes": [("DiffCol", ("R", "G", "B")), ("Composite", ("R", "G", "B", "A")), ("Depth", ("V",))],
+}
+WANTED = {"plain": (0, 1), "named": (2, 0), "passes": (1, 2)}
+
+
+@pytest.mark.parametrize("case", PARTS)
+def test_the_part_of_the_picture_and_that_of_depth(case):
+    assert (best_part(PARTS[case], "R"), best_part(PARTS[case], "Z")) == WANTED[case]
+
+
+def test_multipart_files_have_picture_and_depth(tmp_path):
+    import OpenEXR
+
+    depth, picture = np.full((4, 6), 3.5, np.float32), np.full((4, 6), 0.25, np.float32)
+    parts = [
+        OpenEXR.Part({"name": "Depth", "type": OpenEXR.scanlineimage}, {"Z": depth}),
+        OpenEXR.Part({"name": "Combined", "type": OpenEXR.scanlineimage}, dict.fromkeys("RGB", picture)),
+    ]
+    OpenEXR.File(parts).write(str(tmp_path / "a.exr"))
+    assert (read_image(tmp_path / "a.exr") == 0.25).all()
+    assert read_image(tmp_path / "a.exr").shape == (4, 6, 3)
+    assert (read_depth(tmp_path / "a.exr") == 3.5).all()
+
+
+def test_colours_are_no_depth(tmp_path):
+    write_exr(tmp_path / "c.exr", np.random.default_rng(2).random((4, 4, 3)))
+    with pytest.raises(FormatError, match=r"c.exr: holds colours and no depth; expected a channel Z or V"):
+        read_depth(tmp_path / "c.exr")
+    write_exr(tmp_path / "g.exr", np.full((4, 4, 3), 2.0))
+    assert (read_depth(tmp_path / "g.exr") == 2).all()
+
+
+def test_profiles_of_printing_colours_are_told(tmp_path):
+    with_profile(tmp_path / "a.tif", np.zeros((2, 2, 3), np.uint8), profile(b"CMYK"))
+    with pytest.raises(FormatError, match="its ICC profile is of CMYK colours"):
+        read_image(tmp_path / "a.tif")

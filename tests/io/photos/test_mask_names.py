@@ -60,6 +60,22 @@ def test_any_naming_that_pairs_is_understood(capture, tmp_path, name):
     assert "14 masks are paired with photos by their names, such as" in told(capture, tmp_path)
 
 
+def test_masks_may_have_the_shorter_names(capture):
+    for folder, before in (("images", "Photo-"), ("masks", "")):
+        for path in sorted((capture / folder).iterdir()):
+            path.rename(path.with_name(f"{before}{chr(97 + int(path.stem))}.png"))
+    lines = (capture / "sparse/0/images.txt").read_text().splitlines()
+    for n, line in enumerate(lines):
+        if line.endswith(".png"):
+            name = line.rsplit(" ", 1)[1]
+            lines[n] = line.removesuffix(name) + f"images/Photo-{chr(97 + int(name[:3]))}.png"
+    (capture / "sparse/0/images.txt").write_text("\n".join(lines))
+    found = read_capture(capture)
+    assert {(view.image.stem, view.mask.stem) for view in found.train + found.test} == {
+        (f"Photo-{chr(97 + n)}", chr(97 + n)) for n in range(14)
+    }
+
+
 def test_masks_of_no_photo_are_told(capture, tmp_path):
     for path in sorted((capture / "masks").iterdir()):
         path.rename(path.with_name(f"{chr(97 + int(path.stem))}bc.png"))
