@@ -33,7 +33,7 @@ def coverage_of(pixels: Array, header: ImageHeader, lossy: bool = False) -> Arra
     alpha = pixels[:, :, header.channels.index("A")] if header.has_alpha else None
     colours = pixels[:, :, [n for n, name in enumerate(header.channels) if name != "A"]]
     constant = colours.shape[2] == 0 or bool((colours == colours[:1, :1]).all())
-    if alpha is not None and (_varies(alpha) or (constant and _full_scale(alpha) * alpha.flat[0] < 1)):
+    if alpha is not None and (_varies(alpha) or (constant and alpha.flat[0] < _full_scale(alpha))):
         return _scaled(alpha, lossy)
     if colours.shape[2] == 0:
         return np.ones(pixels.shape[:2], np.float32)
@@ -47,12 +47,12 @@ def _varies(plane: Array) -> bool:
 
 
 def _full_scale(plane: Array) -> float:
-    """Factor from stored to 0..1."""
-    return 1.0 / np.iinfo(plane.dtype).max if np.issubdtype(plane.dtype, np.integer) else 1.0
+    """Stored value that means 1."""
+    return float(np.iinfo(plane.dtype).max) if np.issubdtype(plane.dtype, np.integer) else 1.0
 
 
 def _coloured(colours: Array, lossy: bool) -> bool:
-    span = np.ptp(colours.astype(np.float32), axis=2) * _full_scale(colours)
+    span = np.ptp(colours.astype(np.float32), axis=2) / _full_scale(colours)
     return bool((span > (2 * LOSS if lossy else 0)).any())
 
 
@@ -65,7 +65,7 @@ def _labels(plane: Array) -> bool:
 def _scaled(plane: Array, lossy: bool) -> Array:
     if np.issubdtype(plane.dtype, np.integer) and not lossy and _labels(plane):
         return (plane > 0).astype(np.float32)
-    values = np.clip(plane.astype(np.float32) * np.float32(_full_scale(plane)), 0.0, 1.0)
+    values = np.clip(plane.astype(np.float32) / np.float32(_full_scale(plane)), 0.0, 1.0)
     if lossy:
         values = np.where(values < LOSS, 0.0, np.where(values > 1 - LOSS, 1.0, values)).astype(np.float32)
     return values
