@@ -140,7 +140,10 @@ def _asset(path: Path) -> Facts:
     facts |= {"generator": index.generator, "units": index.units, "color_space": index.color_space}
     facts["photos"] = len(index.provenance.get("photos", []))
     facts["view_dependence_bytes"] = bytes_by_kind(index, path)
-    return facts | {"textures": {entry.name: _texture(path, entry) for entry in index.textures}}
+    facts["textures"] = {entry.name: _texture(path, entry) for entry in index.textures}
+    if any(entry.coding is not None for entry in index.textures):
+        facts["coding"] = {entry.name: _coding(entry) for entry in index.textures}
+    return facts
 
 
 def _texture(folder: Path, entry: TextureEntry) -> Facts:
@@ -156,3 +159,11 @@ def _texture(folder: Path, entry: TextureEntry) -> Facts:
     facts["layers_bytes"] = (folder / entry.layers).stat().st_size
     facts["residual_bytes"] = sum(component_bytes(component, folder) for component in entry.components)
     return facts
+
+
+def _coding(entry: TextureEntry) -> Facts:
+    """Return how the layers of a texture are coded, and what that lost; exactly = left out."""
+    lost = entry.measured.get("coding") or {}
+    names = ("color_psnr", "depth_error_rms", "depth_error_max", "normal_error_mean")
+    said = {} if entry.coding is None else entry.coding.model_dump()
+    return {"layers": "deep OpenEXR" if entry.coding is None else "pictures"} | said | {n: lost.get(n) for n in names}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
@@ -205,13 +205,22 @@ def read_index(path: str | Path) -> AssetIndex:
             raise FormatError(
                 f"{file}: asset of schema version {version}; this program reads versions {known}: use a newer ibrpipe"
             )
-        return AssetIndex.model_validate(data)
+        return _inside(AssetIndex.model_validate(data), file)
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise FormatError(f"{file}: not JSON ({error}); copy the asset again") from error
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise FormatError(f"{file}: {where}: {first['msg']}; copy the asset again") from error
+
+
+def _inside(index: AssetIndex, file: Path) -> AssetIndex:
+    """Return the index; a name that leads out of the asset's folder is an error."""
+    parts = [*(part for texture in index.textures for part in texture.components), *index.shared]
+    for name in [*(texture.layers for texture in index.textures), *(name for part in parts for name in part.paths)]:
+        if PureWindowsPath(name).drive or PureWindowsPath(name).root or ".." in PureWindowsPath(name).parts:
+            raise FormatError(f"{file}: {name!r} leads out of the asset; copy the asset again")
+    return index
 
 
 def read_asset(path: str | Path) -> Asset:

@@ -151,5 +151,6 @@ register("plan", "ibrpipe.stages.plan:STAGE", "Decide what to model, at which re
 register("layers", "ibrpipe.stages.layers:STAGE", "Make layered depth images with diffuse colour.")
 register("residuals", "ibrpipe.stages.residuals:STAGE", "Model what changes with the view direction.")
 register("asset", "ibrpipe.stages.asset:STAGE", "Gather the results into an asset folder.")
+register("compress", "ibrpipe.stages.compress:STAGE", "Code the asset compactly, to a size or an error.")
 register("render", "ibrpipe.stages.render:STAGE", "Render an asset along a camera path.")
 register("evaluate", "ibrpipe.stages.evaluate:STAGE", "Score rendered views and write the report.")

@@ -16,7 +16,7 @@ from ibrpipe.errors import ConfigError
 from ibrpipe.stages import registry
 from ibrpipe.stages.registry import load_stage, load_stages, register, registered
 
-ORDER = ["calibrate", "ingest", "geometry", "plan", "layers", "residuals", "asset", "render", "evaluate"]
+ORDER = ["calibrate", "ingest", "geometry", "plan", "layers", "residuals", "asset", "compress", "render", "evaluate"]
 #: input -> where it is in a run folder
 PLACES = {
     "calibration": "calibrate",
@@ -30,7 +30,7 @@ PLACES = {
     "plan": "plan/plan.json",
     "layers": "layers",
     "residuals": "residuals",
-    "asset": "asset",
+    "asset": "compress",  # for all stages after it
     "frames": "render",
 }
 NEEDS = {
@@ -41,8 +41,9 @@ NEEDS = {
     "layers": ("ingest", "geometry", "plan"),
     "residuals": ("ingest", "geometry", "plan", "layers"),
     "asset": ("ingest", "plan", "layers", "residuals"),
-    "render": ("ingest", "asset"),
-    "evaluate": ("calibrate", "ingest", "geometry", "plan", "asset", "render"),
+    "compress": ("ingest", "asset"),
+    "render": ("ingest", "compress"),
+    "evaluate": ("calibrate", "ingest", "geometry", "plan", "compress", "render"),
 }
 MODULE = """
 from dataclasses import dataclass
@@ -101,7 +102,8 @@ def test_every_input_has_its_place(name: str) -> None:
     stages = load_stages()
     stage = next(each for each in stages if each.name == name)
     found = {key: source.path for key, source in sources(stage, stages).items()}
-    assert found == {key: PLACES[key] for key in input_fields(stage) if key not in ("capture", "run", "seed")}
+    places = PLACES | ({"asset": "asset"} if name == "compress" else {})
+    assert found == {key: places[key] for key in input_fields(stage) if key not in ("capture", "run", "seed")}
     assert needs(stage, stages) == NEEDS[name]
 
 
@@ -110,9 +112,9 @@ def test_a_registered_stage_stands_where_it_belongs(site: Path) -> None:
     assert list(registered()) == [*ORDER, "shrink"]
     assert "shrinking" not in sys.modules
     stages = load_stages()
-    assert [stage.name for stage in stages] == [*ORDER[:7], "shrink", *ORDER[7:]]
+    assert [stage.name for stage in stages] == [*ORDER[:8], "shrink", *ORDER[8:]]
     assert {sources(stage, stages)["asset"].path for stage in stages[-2:]} == {"shrink/small"}
-    assert sources(stages[7], stages)["asset"].path == "asset"
+    assert sources(stages[8], stages)["asset"].path == "compress"
 
 
 def test_a_package_brings_a_stage(site: Path) -> None:
@@ -120,7 +122,7 @@ def test_a_package_brings_a_stage(site: Path) -> None:
     listed = CliRunner().invoke(cli, ["--help"])
     assert "shrink     Stage of the package shrinker." in listed.output
     assert "shrinking" not in sys.modules
-    assert [stage.name for stage in load_stages()].index("shrink") == 7
+    assert [stage.name for stage in load_stages()].index("shrink") == 8
     told = CliRunner().invoke(cli, ["render", "--help"])
     assert "[default: shrink/small in the run folder]" in " ".join(told.output.split())
 

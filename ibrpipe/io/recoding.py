@@ -1,0 +1,129 @@
+"""Write an asset folder in another coding, and say what every texture lost by it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.core.color import srgb_encode
+from ibrpipe.errors import MissingFileError
+from ibrpipe.io.assets import AssetIndex, TextureEntry, schema_of, write_coded, write_component, write_index
+from ibrpipe.io.components import Component
+from ibrpipe.io.layer_pictures import Coding
+from ibrpipe.types import Asset, LayeredDepthImage, ViewDependence
+
+
+def recode(
+    source: Path, index: AssetIndex, asset: Asset, out: Path, coding: Coding | None, quality: int | None
+) -> AssetIndex:
+    """Write the asset in folder `source`, which was read as `index` and `asset`, into the folder `out`.
+
+    Parameters
+    ----------
+    coding : Coding or None
+        Of the layers; None = deep OpenEXR.
+    quality : int or None
+        1 to 99 for view dependence, which keeps its files where they are no larger; None = it keeps them.
+
+    Returns
+    -------
+    AssetIndex
+        What ``asset.json`` says: as before, with the new files. It is written by `finish`.
+    """
+    entries = []
+    for i, (entry, texture) in enumerate(zip(index.textures, asset.textures, strict=True)):
+        folder = out / f"texture_{i:02d}"
+        folder.mkdir(parents=True, exist_ok=True)
+        file = write_coded(texture.layers, folder, coding)
+        pairs = zip(entry.components, texture.components, strict=True)
+        parts = [_recoded(source, told, part, folder, quality) for told, part in pairs]
+        changed = {"layers": f"{folder.name}/{file.name}", "coding": coding, "components": parts}
+        entries.append(entry.model_copy(update=changed))
+    for shared in index.shared:
+        _copy(source, shared, out)
+    return index.model_copy(update={"textures": entries, "schema_version": schema_of(entries)})
+
+
+def _recoded(source: Path, told: Component, part: ViewDependence, folder: Path, quality: int | None) -> Component:
+    """Write a component at a quality if that saves bytes; what refers to shared data stays as it is."""
+    if quality is not None and part.shared is None:
+        fresh = write_component(part, folder, quality).below(folder.name)
+        if _bytes(folder.parent, fresh) < _bytes(source, told):
+            return fresh
+        for path in fresh.paths:
+            (folder.parent / path).unlink()
+    _copy(source, told, folder.parent)
+    return told
+
+
+def _copy(source: Path, told: Component, out: Path) -> None:
+    for path in told.paths:
+        if not (source / path).is_file():
+            raise MissingFileError(f"{source / path}: no such file; copy the asset again")
+        (out / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source / path, out / path)
+
+
+def _bytes(folder: Path, told: Component) -> int:
+    return sum((folder / path).stat().st_size for path in told.paths)
+
+
+def finish(
+    index: AssetIndex, out: Path, losses: Sequence[dict[str, Any]], provenance: dict[str, Any] | None = None
+) -> None:
+    """Write ``asset.json`` with what every texture lost, and what is known of the coding of the whole.
+
+    Parameters
+    ----------
+    losses : a dict per texture, told as ``measured.coding``
+    provenance : dict, optional
+        Told as ``provenance.compression``.
+    """
+    textures = [
+        entry.model_copy(update={"measured": {**entry.measured, "coding": lost}})
+        for entry, lost in zip(index.textures, losses, strict=True)
+    ]
+    more = {} if provenance is None else {"compression": provenance}
+    write_index(index.model_copy(update={"textures": textures, "provenance": {**index.provenance, **more}}), out)
+
+
+def losses(before: LayeredDepthImage, after: LayeredDepthImage) -> dict[str, float | None]:
+    """Return what the coding of a texture's layers lost.
+
+    Returns
+    -------
+    dict
+        ``color_psnr`` in display code, dB, None = nothing lost; ``depth_error_rms`` and ``depth_error_max``, scene
+        units; ``normal_error_mean``, degrees.
+    """
+    color = srgb_encode(after.color).astype(np.float64) - srgb_encode(before.color)
+    error = float((color**2).mean()) if color.size else 0.0
+    depth = np.abs(after.depth.astype(np.float64) - before.depth)
+    return {
+        "color_psnr": round(-10.0 * float(np.log10(error)), 2) if error else None,
+        "depth_error_rms": float(f"{np.sqrt((depth**2).mean()) if len(depth) else 0.0:.3g}"),
+        "depth_error_max": float(f"{depth.max(initial=0.0):.3g}"),
+        "normal_error_mean": _angle(before.normal, after.normal),
+    }
+
+
+def _angle(before: Any, after: Any) -> float | None:
+    """Return the mean angle between normals that are known, degrees."""
+    one, other = before.astype(np.float64), after.astype(np.float64)
+    sizes = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
+    known = np.isfinite(sizes) & (sizes > 0)
+    if not known.any():
+        return None
+    across = np.linalg.norm(np.cross(one[known], other[known]), axis=1)
+    turned = np.degrees(np.arctan2(across, (one[known] * other[known]).sum(axis=1)))
+    return float(f"{turned.mean():.3g}")
+
+
+def texture_bytes(entry: TextureEntry, folder: Path) -> int:
+    """Return the bytes on disk of a texture: its layers and components."""
+    files = [entry.layers, *(path for part in entry.components for path in part.paths)]
+    return sum((folder / file).stat().st_size for file in files if (folder / file).is_file())

@@ -1,0 +1,28 @@
+"""What ``compression.json`` holds: what was chosen, why, and what it costs and saves."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from ibrpipe.config import Document
+from ibrpipe.io.layer_pictures import Coding
+
+
+class Trial(Document):
+    """One way to code the asset, tried and measured."""
+
+    layers: Coding = Field(description="Coding of the layers")
+    component_quality: int | None = Field(None, description="Quality of view dependence; absent = kept as it was")
+    bytes: int = Field(ge=0, description="Size of the asset")
+    psnr: float | None = Field(None, description="PSNR of the photos that are measured, dB")
+
+
+class Compression(Document):
+    """``compression.json``."""
+
+    why: str = Field(description="What was asked for, and whether it was kept")
+    chosen: Trial = Field(description="How the asset is coded")
+    bytes_before: int = Field(ge=0, description="Size of the asset as it came")
+    psnr_before: float | None = Field(None, description="PSNR of the photos before, dB")
+    views: list[str] = Field(description="Training photos that were measured")
+    trials: list[Trial] = Field(description="All that was tried, in order")
