@@ -191,6 +191,43 @@ def growth(out: Path, renderers: tuple[str, ...], sizes: str, as_json: bool) -> 
 growth.params.append(json_option)
 
 
+@command.command(
+    name="rate-error", epilog=example("ibrpipe bench rate-error demo --out bench", "ibrpipe bench rate-error vase cape")
+)
+@click.argument("runs", metavar="RUN...", type=PATH, nargs=-1, required=True)
+@click.option("--out", type=PATH, metavar="DIR", default="bench", show_default=True, help="Folder to write.")
+@click.option("--views", type=click.IntRange(1), default=8, show_default=True, help="Held-out views at most.")
+def rate_error(runs: tuple[Path, ...], out: Path, views: int, as_json: bool) -> None:
+    """Code the asset of every RUN folder in many ways: bytes against error on its held-out photos.
+
+    The steps of `ibrpipe compress` with view dependence and without, the codings of gong-yang, and the photos
+    themselves with the lumigraph; PSNR, SSIM, FLIP, seconds of decoding and milliseconds a frame. Writes rate_error.json and
+    rate_error.html. Takes about two minutes a run on two cores.
+    """
+    from ibrpipe.bench.rate_error.run import run_rate_error
+    from ibrpipe.bench.report import write_rate_page
+    from ibrpipe.io.manifest import write_json
+
+    out.mkdir(parents=True, exist_ok=True)
+    with display():
+        model = run_rate_error(runs, views)
+    write_json(out / "rate_error.json", model.model_dump(mode="json"))
+    write_rate_page(out / "rate_error.html", model)
+    if as_json:
+        click.echo(json.dumps(model.model_dump(mode="json"), indent=2))
+        return
+    for curve in model.curves:
+        lines = {
+            f"{point.series}, {point.label}": f"{100 * point.share:.1f} %, {point.psnr or 0:.2f} dB"
+            for point in curve.points
+        }
+        print_table(facts_table(f"{curve.run}: share of the photos' bytes, PSNR", lines))
+    click.echo(f"report: {(out / 'rate_error.html').resolve()}")
+
+
+rate_error.params.append(json_option)
+
+
 def _sizes(text: str) -> list[int]:
     """Return the sizes of ``128,256``; a usage error where they are no ascending numbers of at least 8."""
     try:

@@ -30,6 +30,7 @@ TOOLS: Section = {
         "ibrpipe.cli.depth_images:command",
         "Cover a mesh with few perspective depth images, as an asset.",
     ),
+    "export": ("ibrpipe.cli.export:command", "Write an asset in a form that other programs open."),
     "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run or an asset holds."),
     "relief": ("ibrpipe.cli.relief:command", "Make relief textures; map reliefs onto meshes."),
     "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of files on disk and of renderers' options."),

@@ -73,18 +73,18 @@ def _bytes(folder: Path, told: Component) -> int:
 
 
 def finish(
-    index: AssetIndex, out: Path, losses: Sequence[dict[str, Any]], provenance: dict[str, Any] | None = None
+    index: AssetIndex, out: Path, losses: Sequence[dict[str, Any] | None], provenance: dict[str, Any] | None = None
 ) -> None:
     """Write ``asset.json`` with what every texture lost, and what is known of the coding of the whole.
 
     Parameters
     ----------
-    losses : a dict per texture, told as ``measured.coding``
+    losses : a dict per texture, told as ``measured.coding``; None = left out
     provenance : dict, optional
         Told as ``provenance.compression``.
     """
     textures = [
-        entry.model_copy(update={"measured": {**entry.measured, "coding": lost}})
+        entry.model_copy(update={"measured": entry.measured | ({} if lost is None else {"coding": lost})})
         for entry, lost in zip(index.textures, losses, strict=True)
     ]
     more = {} if provenance is None else {"compression": provenance}

@@ -36,3 +36,11 @@ def single_layer(
     known = np.full((count, 3), np.nan, np.float32) if normal is None else normal[there]
     observers = np.ones(count, np.int32) if observed else None
     return LayeredDepthImage(frame, offsets_of(there), depth[there], color[there], known, observers)
+
+
+def pitch_of(layers: LayeredDepthImage) -> float:
+    """Return the width of a texel, scene units; of a perspective frame that of the nearest sample, 1 without any."""
+    if isinstance(layers.frame, Camera):
+        focal = float(max(layers.frame.K[0, 0], layers.frame.K[1, 1]))
+        return float(layers.depth.min()) / focal if len(layers.depth) else 1.0
+    return float(min(np.linalg.norm(layers.frame.a), np.linalg.norm(layers.frame.b)))

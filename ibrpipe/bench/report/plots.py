@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
+from ibrpipe.bench.rate_error.results import RateCurve
 from ibrpipe.bench.sizes.results import Table2Row
 from ibrpipe.bench.speed_error.results import ContenderFacts, Growth, Score, SpeedErrorModel
 
@@ -135,6 +136,35 @@ def region_plot(curves: Sequence[Growth]) -> str:
         _dress(axes)
     figure.supxlabel("n: texels and pixels along a side", fontsize=10, color=MUTED, x=0.42)
     _legend(legend, marks, list(marks))
+    return _svg(figure)
+
+
+#: series of the rate-error page: colour, marker, whether its points are joined
+RATE_MARKS = {
+    "whole": (COLORS[0], "o"),
+    "diffuse": (COLORS[2], "s"),
+    "paper": (COLORS[1], "D"),
+    "raw": (COLORS[3], "P"),
+    "lumigraph": (PEER, "X"),
+}
+
+
+def rate_plot(curve: RateCurve) -> str:
+    """Draw PSNR and FLIP against the asset's share of the photos' bytes, a line for each series."""
+    figure, panels, legend = _figure(1, 2, 4.0)
+    for axes, name in zip(panels, ("psnr", "flip")):
+        for series, (color, marker) in RATE_MARKS.items():
+            mine = [(100 * point.share, getattr(point, name)) for point in curve.points if point.series == series]
+            mine = [(x, y) for x, y in mine if y is not None]
+            line = "-" if series in ("whole", "diffuse") else ""
+            axes.plot(*zip(*sorted(mine)), marker + line, color=color, markersize=6, linewidth=1.2) if mine else None
+        axes.set_title(
+            {"psnr": "PSNR, dB", "flip": "FLIP (0 = no difference)"}[name], fontsize=11, color=INK, loc="left"
+        )
+        axes.set_xscale("log")
+        _dress(axes)
+    figure.supxlabel("bytes, percent of the photos'", fontsize=10, color=MUTED, x=0.42)
+    _legend(legend, RATE_MARKS, [name for name in RATE_MARKS if any(p.series == name for p in curve.points)])
     return _svg(figure)
 
 

@@ -59,7 +59,7 @@ def write_layer_pictures(layers: LayeredDepthImage, path: Path, coding: Coding) 
         "height": height,
         "width": width,
         "samples": [len(plane.samples) for plane in planes],
-        "color": values.pack_color(layers.color, planes, coding.color_quality, parts),
+        "color": values.pack_color(layers.color, planes, coding, parts),
         "depth": values.pack_depth(layers, planes, coding.depth_step, parts),
         "normal": values.pack_normals(layers.normal, planes, coding.normal_bits, parts),
         "observers": values.pack_observers(layers.observers, planes, coding.lossless, parts),

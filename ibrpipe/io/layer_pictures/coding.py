@@ -14,10 +14,17 @@ class Coding(Document):
 
     color_quality: int | None = Field(None, ge=1, le=100, description="JPEG XL quality of the colours; absent = exact")
     depth_step: float | None = Field(
-        None, gt=0, le=1, description="Step of the depths, shares of a texel's pitch; absent = exact"
+        None, gt=0, le=16, description="Step of the depths, shares of a texel's pitch; absent = exact"
     )
     normal_bits: int | None = Field(
         None, ge=3, le=16, description="Bits of either octahedral coordinate of the normals; absent = exact"
+    )
+
+    codewords: int | None = Field(
+        None,
+        ge=2,
+        le=4096,
+        description="Words for blocks of 2 x 2 colours (gong-yang) instead of JPEG XL",
     )
 
     @property

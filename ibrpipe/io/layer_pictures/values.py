@@ -9,12 +9,15 @@ import numpy as np
 
 from ibrpipe.core.color import decode_table, srgb_encode
 from ibrpipe.errors import FormatError
+from ibrpipe.io.layer_pictures.codebook import pack_blocks, unpack_blocks
+from ibrpipe.io.layer_pictures.coding import Coding
 from ibrpipe.io.layer_pictures.exact import common_step, numbers_of, values_of
 from ibrpipe.io.layer_pictures.normals import from_octahedral, octahedral
 from ibrpipe.io.layer_pictures.numbers import pack_numbers, unpack_numbers
 from ibrpipe.io.layer_pictures.pictures import decode_picture, encode_picture
 from ibrpipe.io.layer_pictures.planes import Plane
 from ibrpipe.types import Array, Camera, LayeredDepthImage
+from ibrpipe.types.layers import pitch_of
 
 #: name of a part in the archive to its bytes
 Parts = dict[str, bytes]
@@ -23,14 +26,6 @@ Said = dict[str, Any]
 
 _CODES = 256
 _LARGEST = float(np.finfo(np.float32).max)
-
-
-def pitch(layers: LayeredDepthImage) -> float:
-    """Return the width of a texel, scene units; of a perspective frame that of the nearest sample."""
-    if isinstance(layers.frame, Camera):
-        focal = float(min(layers.frame.K[0, 0], layers.frame.K[1, 1]))
-        return float(layers.depth.min(initial=np.inf)) / focal if len(layers.depth) else 1.0
-    return float(min(np.linalg.norm(layers.frame.a), np.linalg.norm(layers.frame.b)))
 
 
 def pack_exact(name: str, values: Array, planes: Sequence[Plane], parts: Parts) -> Said:
@@ -49,9 +44,10 @@ def unpack_exact(name: str, said: Said, columns: int, planes: Sequence[Plane], p
     return np.stack(found, axis=1)
 
 
-def pack_color(color: Array, planes: Sequence[Plane], quality: int | None, parts: Parts) -> Said:
+def pack_color(color: Array, planes: Sequence[Plane], coding: Coding, parts: Parts) -> Said:
     """Pack colours (S, 3): as pictures of 8-bit sRGB codes where that is asked for or loses nothing."""
-    if quality is None:
+    quality = coding.color_quality
+    if quality is None and coding.codewords is None:
         held, codes = _as_codes(color)
         if held is None:
             return pack_exact("color", color, planes, parts)
@@ -59,10 +55,17 @@ def pack_color(color: Array, planes: Sequence[Plane], quality: int | None, parts
     else:
         held, top = "float", float(max(1.0, color.max(initial=0.0)))
         codes = np.round(255.0 * srgb_encode(color / np.float32(top))).astype(np.uint8)
-    for layer, plane in enumerate(planes):
+    pictures = []
+    for plane in planes:
         picture = np.zeros((*plane.there.shape, 3), np.uint8)
         picture[plane.there] = codes[plane.samples]
-        parts[f"color_{layer}.jxl"] = encode_picture(continued(picture, plane.there), quality)
+        pictures.append(continued(picture, plane.there))
+    if coding.codewords is not None:
+        theres = [plane.there for plane in planes]
+        parts["color_words"], parts["color_blocks"] = pack_blocks(pictures, theres, coding.codewords)
+        return {"coding": "blocks", "top": top, "held": held}
+    for layer, picture in enumerate(pictures):
+        parts[f"color_{layer}.jxl"] = encode_picture(picture, quality)
     return {"coding": "jxl", "quality": quality, "top": top, "held": held}
 
 
@@ -70,20 +73,26 @@ def unpack_color(said: Said, planes: Sequence[Plane], parts: Mapping[str, bytes]
     """Return colours (S, 3) float32."""
     if said["coding"] == "exact":
         return unpack_exact("color", said, 3, planes, parts)
-    if said["coding"] != "jxl" or said["held"] not in ("float", "half"):
+    if said["coding"] not in ("jxl", "blocks") or said["held"] not in ("float", "half"):
         raise FormatError(f"colours are coded as {said['coding']!r}, {said['held']!r}, which is unknown")
     codes = np.zeros((sum(len(plane.samples) for plane in planes), 3), np.uint8)
-    for layer, plane in enumerate(planes):
-        picture = decode_picture(parts[f"color_{layer}.jxl"], (plane.there.shape[0], plane.there.shape[1]))
+    for plane, picture in zip(planes, _pictures(said["coding"], planes, parts), strict=True):
         codes[plane.samples] = picture[plane.there]
     found: Array = _light(said["held"])[codes] * np.float32(_positive(said["top"]))
     return found
 
 
+def _pictures(coding: str, planes: Sequence[Plane], parts: Mapping[str, bytes]) -> list[Array]:
+    if coding == "blocks":
+        return unpack_blocks(parts["color_words"], parts["color_blocks"], [plane.there for plane in planes])
+    shapes = [(plane.there.shape[0], plane.there.shape[1]) for plane in planes]
+    return [decode_picture(parts[f"color_{layer}.jxl"], shape) for layer, shape in enumerate(shapes)]
+
+
 def pack_depth(layers: LayeredDepthImage, planes: Sequence[Plane], share: float | None, parts: Parts) -> Said:
     """Pack depths (S,), rounded to a share of a texel's pitch or exactly."""
     exact = common_step(layers.depth)
-    wanted = None if share is None else share * pitch(layers)
+    wanted = None if share is None else share * pitch_of(layers)
     if wanted is None or (exact is not None and exact >= wanted):
         return pack_exact("depth", layers.depth, planes, parts)
     step = max(wanted, float(np.abs(layers.depth).max(initial=0.0)) * 2.0**-31)

@@ -22,6 +22,8 @@ FRAME = ParallelFrame((0.1, -2, 3), (0.5, 0, 0), (0, 0.25, 0.1), (0, 0, 1))
 CAMERA = Camera.look_at((1, 2, -5), (0, 0, 0), width=7, height=5)
 LOSSY = Coding(color_quality=95, depth_step=0.125, normal_bits=10)
 
+BLOCKS = Coding(codewords=256, depth_step=0.125, normal_bits=10)
+
 
 def random_layers(frame=FRAME, seed=40, height=5, width=7, empty=0.3, most=4):
     """0 to `most` samples per texel with unit normals."""
@@ -82,7 +84,7 @@ def test_lossless_keeps_colours_that_were_held_as_half_floats(tmp_path):
         assert "color_0.jxl" in archive.namelist()
 
 
-@pytest.mark.parametrize("coding", [LOSSLESS, LOSSY])
+@pytest.mark.parametrize("coding", [LOSSLESS, LOSSY, BLOCKS])
 @pytest.mark.parametrize(
     ("height", "width", "empty", "most"),
     [(1, 1, 0.0, 1), (1, 1, 1.0, 1), (1, 6, 0.5, 3), (4, 1, 0.5, 3), (3, 3, 1, 1), (2, 3, 0, 90), (1, 900, 0.1, 2)],
@@ -258,3 +260,25 @@ def test_random_damage_never_ends_in_anything_but_one_clear_line(file):
             told.append(str(error))
     assert len(told) > 120
     assert all(message.startswith(str(file)) and "\n" not in message for message in told)
+
+
+def test_blocks_are_exact_while_there_are_words_for_all(tmp_path):
+    layers = random_layers()
+    assert_same(replace(through(layers, tmp_path, BLOCKS), depth=layers.depth, normal=layers.normal,
+                        observers=layers.observers), layers)  # fmt: skip
+
+
+def test_more_words_err_less(tmp_path):
+    layers, errors = smooth_layers(), []
+    for words in (2, 16, 128):
+        back = through(layers, tmp_path, Coding(codewords=words))
+        errors.append(np.abs(srgb_encode(back.color) - srgb_encode(layers.color)).mean())
+    assert errors[0] > 2 * errors[1] > 4 * errors[2] > 0
+
+
+@pytest.mark.parametrize("name", ["color_words", "color_blocks"])
+def test_missing_words_and_blocks(tmp_path, name):
+    write_layer_pictures(random_layers(), tmp_path / NAME, BLOCKS)
+    rewrite(tmp_path / NAME, lambda header, parts: parts.update({name: parts[name][:12]}))
+    with pytest.raises(FormatError, match="damaged"):
+        read_layer_pictures(tmp_path / NAME)

@@ -1,0 +1,161 @@
+"""Code the asset of a run in many ways; measure bytes, error on held-out photos, decoding and drawing."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+import numpy as np
+
+from ibrpipe.bench.rate_error.results import RateCurve, RateErrorModel, RatePoint
+from ibrpipe.capture.photo_set import load_photos
+from ibrpipe.embree import MeshCaster
+from ibrpipe.engine.machine import describe_machine
+from ibrpipe.errors import MissingFileError
+from ibrpipe.evaluation.baselines import render_ulr
+from ibrpipe.evaluation.held_out import held_out_views, load_truth
+from ibrpipe.evaluation.image_scores import score_frame
+from ibrpipe.evaluation.metrics import Scores, mean_scores
+from ibrpipe.evaluation.sizes import bytes_of
+from ibrpipe.evaluation.timing import timed_size
+from ibrpipe.io.assets import AssetIndex, read_asset, read_index
+from ibrpipe.io.layer_pictures import Coding
+from ibrpipe.io.manifest import files_below
+from ibrpipe.io.recoding import finish, recode
+from ibrpipe.io.surfaces.meshes import read_mesh
+from ibrpipe.io.views import View, read_views
+from ibrpipe.modelling.compression.steps import STEPS, Step
+from ibrpipe.progress import track
+from ibrpipe.renderers.api import prepare, render
+from ibrpipe.types import Asset, Camera, Frame, Texture
+from ibrpipe.types.layers import pitch_of
+
+WIDTH = 640
+_FRAMES, _READS = 5, 3
+#: depth levels and words of gong-yang
+_LEVELS, _WORDS = 256, 256
+
+Draw = Callable[[Camera], Frame]
+
+
+def run_rate_error(runs: Sequence[Path], most_views: int) -> RateErrorModel:
+    """Measure the assets of several run folders.
+
+    Raises
+    ------
+    MissingFileError
+        A folder is no run folder with asset, views and mesh.
+    CaptureError
+        No view is held out.
+    """
+    began = perf_counter()
+    curves = [_curve(run, most_views) for run in runs]
+    return RateErrorModel(machine=describe_machine(), curves=curves, seconds=perf_counter() - began)
+
+
+def _curve(run: Path, most_views: int) -> RateCurve:
+    for part in ("asset/asset.json", "ingest/views.json", "geometry/mesh.ply"):
+        if not (run / part).is_file():
+            raise MissingFileError(f"{run / part}: no such file; give the folder of a run that has got as far as asset")
+    views, mesh = read_views(run / "ingest/views.json"), read_mesh(run / "geometry/mesh.ply")
+    tested = _spread(held_out_views(views), most_views)
+    photos = bytes_of(run / "asset", views.train, run / "geometry/mesh.ply")["photos"]
+    points = []
+    with TemporaryDirectory(prefix="ibrpipe-") as scratch:
+        for series, label, folder in track(list(_codings(run / "asset", Path(scratch))), f"rate-error {run.name}"):
+            points.append(_measured(series, label, folder, tested, photos))
+    caster = MeshCaster(mesh)
+    shown = load_photos(views.train, caster)
+    scores = _scores(tested, lambda camera: render_ulr(camera, caster, shown))
+    points.append(_point("lumigraph", "photos, blended", photos, photos, scores))
+    return RateCurve(
+        run=run.resolve().name, photo_bytes=photos, views=[view.name for view in tested], width=WIDTH, points=points
+    )
+
+
+def _codings(source: Path, scratch: Path) -> Iterator[tuple[str, str, Path]]:
+    """Write the asset in every coding; yield series, label and folder."""
+    index, asset = read_index(source), read_asset(source)
+    yield "raw", "deep OpenEXR", _written(source, index, asset, scratch / "raw", Step(Coding()), raw=True)
+    whole = STEPS if asset.kinds else ()
+    for n, step in enumerate(whole):
+        yield "whole", _words(step), _written(source, index, asset, scratch / f"whole_{n}", step)
+    bare_index, bare = _bare(index, asset)
+    kept = dict.fromkeys(step.layers for step in STEPS)
+    for n, layers in enumerate(kept):
+        step = Step(layers)
+        yield "diffuse", _words(step), _written(source, bare_index, bare, scratch / f"diffuse_{n}", step)
+    for n, (label, layers) in enumerate(paper_codings(asset).items()):
+        yield "paper", label, _written(source, index, asset, scratch / f"paper_{n}", Step(layers))
+
+
+def paper_codings(asset: Asset) -> dict[str, Coding]:
+    """Return the codings of gong-yang: depths in 8 bits over the deepest texture's range, and vector quantisation."""
+    shares = [
+        float(np.ptp(texture.layers.depth)) / (_LEVELS - 1) / pitch_of(texture.layers)
+        for texture in asset.textures
+        if len(texture.layers.depth)
+    ]
+    share = min(max([*shares, 1e-6]), 16.0)
+    return {
+        "8-bit depth": Coding(depth_step=share, normal_bits=8),
+        "vector quantisation": Coding(depth_step=share, normal_bits=8, codewords=_WORDS),
+    }
+
+
+def _bare(index: AssetIndex, asset: Asset) -> tuple[AssetIndex, Asset]:
+    """Return the same without view dependence."""
+    entries = [entry.model_copy(update={"components": []}) for entry in index.textures]
+    textures = tuple(Texture(texture.layers) for texture in asset.textures)
+    return index.model_copy(update={"textures": entries, "shared": []}), Asset(textures, asset.info)
+
+
+def _written(source: Path, index: AssetIndex, asset: Asset, out: Path, step: Step, raw: bool = False) -> Path:
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir(parents=True)
+    fresh = recode(source, index, asset, out, None if raw else step.layers, step.components)
+    finish(fresh, out, [None] * len(fresh.textures))
+    return out
+
+
+def _words(step: Step) -> str:
+    said = [f"{name.replace('_', ' ')} {value:g}" for name, value in step.layers.model_dump().items()]
+    said += [] if step.components is None else [f"components {step.components}"]
+    return ", ".join(said) or "lossless"
+
+
+def _measured(series: str, label: str, folder: Path, views: Sequence[View], photos: int) -> RatePoint:
+    seconds = []
+    for _ in range(_READS):
+        began = perf_counter()
+        asset = read_asset(folder)
+        seconds.append(perf_counter() - began)
+    prepared = prepare(asset, "ldi")
+    scores = _scores(views, lambda camera: render(prepared, camera))
+    camera, times = timed_size(views[0].camera, WIDTH), []
+    for _ in range(_FRAMES):
+        began = perf_counter()
+        render(prepared, camera)
+        times.append(1e3 * (perf_counter() - began))
+    size = sum(path.stat().st_size for path in files_below(folder))
+    found = _point(series, label, size, photos, scores)
+    return found.model_copy(update={"decode_seconds": min(seconds), "ms_per_frame": min(times)})
+
+
+def _point(series: str, label: str, size: int, photos: int, scores: Scores) -> RatePoint:
+    return RatePoint(
+        series=series, label=label, bytes=size, share=size / max(photos, 1), psnr=scores.psnr, ssim=scores.ssim,
+        flip=scores.flip,
+    )  # fmt: skip
+
+
+def _scores(views: Sequence[View], draw: Draw) -> Scores:
+    return mean_scores([score_frame(load_truth(view), draw(view.camera)) for view in views])
+
+
+def _spread(views: Sequence[View], count: int) -> list[View]:
+    places = np.unique(np.linspace(0, len(views) - 1, min(count, len(views))).round().astype(int))
+    return [views[place] for place in places]

@@ -1,0 +1,36 @@
+"""``ibrpipe export``: an asset in a form that other programs open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ibrpipe.cli.options import PATH, example
+from ibrpipe.export.registry import exporter_for, known_exporters
+
+
+@click.command(name="export", epilog=example("ibrpipe export out out/deep --format deep-exr"))
+@click.argument("source", metavar="RUN|ASSET", type=PATH)
+@click.argument("target", metavar="TARGET", type=PATH)
+@click.option(
+    "--format", "form", metavar="NAME", help=f"{', '.join(known_exporters())}; by itself where TARGET's ending says it."
+)
+def command(source: Path, target: Path, form: str | None) -> None:
+    """Write the asset of a run folder, or an asset folder, to TARGET in another form.
+
+    deep-exr: an asset folder whose layers are deep OpenEXR, which deep-aware compositors open.
+    """
+    exporter_for(target, form).write(asset_folder(source), target)
+    click.echo(f"{target}: {form or target.suffix} of {source}")
+
+
+def asset_folder(path: Path) -> Path:
+    """Return the asset folder that `path` is, or the finished asset of the run folder that it is."""
+    from ibrpipe.engine.artifacts import products
+    from ibrpipe.stages.registry import load_stages
+
+    finished = path / products(load_stages())["asset"].path
+    if (path / "asset.json").is_file():
+        return path
+    return finished if finished.is_dir() or not (path / "asset").is_dir() else path / "asset"
