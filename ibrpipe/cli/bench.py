@@ -201,8 +201,8 @@ def rate_error(runs: tuple[Path, ...], out: Path, views: int, as_json: bool) -> 
     """Code the asset of every RUN folder in many ways: bytes against error on its held-out photos.
 
     The steps of `ibrpipe compress` with view dependence and without, the codings of gong-yang, and the photos
-    themselves with the lumigraph; PSNR, SSIM, FLIP, seconds of decoding and milliseconds a frame. Writes rate_error.json and
-    rate_error.html. Takes about two minutes a run on two cores.
+    themselves with the lumigraph; PSNR, SSIM, FLIP, seconds of decoding and milliseconds a frame. Writes
+    rate_error.json and rate_error.html. Takes about two minutes a run on two cores.
     """
     from ibrpipe.bench.rate_error.run import run_rate_error
     from ibrpipe.bench.report import write_rate_page

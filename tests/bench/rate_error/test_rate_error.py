@@ -20,6 +20,7 @@ from ibrpipe.types.layers import pitch_of
 @pytest.fixture(scope="module")
 def run(measured, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `ibrpipe run` leaves, with one texture that looks at the object from the front."""
+    from ibrpipe.io.layers import read_layers
     from ibrpipe.modelling.layers import LayersConfig
     from ibrpipe.modelling.plan_file import read_plan
     from ibrpipe.stages import layers, plan
@@ -32,7 +33,6 @@ def run(measured, tmp_path_factory: pytest.TempPathFactory) -> Path:
     views, mesh, planned = source / "views.json", source / "mesh.ply", folder / "plan/plan.json"
     plan.run(plan.Inputs(views, mesh, 0, folder / "plan"), plan.PlanConfig(samples=2000, texel=0.12, residuals="never"))
     layers.run(layers.Inputs(views, mesh, planned, folder / "layers"), LayersConfig(sharpen=0))
-    from ibrpipe.io.layers import read_layers
 
     textures = [
         Texture(read_layers(folder / f"layers/texture_{i:02d}/layers.exr")) for i in range(len(read_plan(planned)))
