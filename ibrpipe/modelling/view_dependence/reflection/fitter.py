@@ -27,8 +27,10 @@ from ibrpipe.renderers.view_dependence.mirror import Surface, make_surface
 from ibrpipe.renderers.view_dependence.reflection import Model
 from ibrpipe.types import Array, LayeredDepthImage, ReflectedLight, Reflection
 
-#: samples of which the pixels say less than this are asked for at their own places, too
+#: samples of which the pixels say less than this are asked for at their own places in every photo, too
 RARELY_SEEN = 3.0
+#: the others are asked in every so manieth photo
+OWN_EVERY = 4
 #: least weight of observations that makes a sample's colour known
 KNOWN = 0.01
 
@@ -97,7 +99,7 @@ def fit_textures(context: Context, tables: int | None, rules: FitRules) -> Found
     )
     seen = observe_pixels(scene, surface, photos, rules.size)
     rare = seen_weight(seen, surface.corners, len(points)) < RARELY_SEEN
-    own = observe_texels(surface, points, rare, context.caster, photos, rules.size)
+    own = observe_texels(surface, points, rare, context.caster, photos, rules.size, OWN_EVERY)
     return fit_observations(
         seen if own is None else join([seen, own]), surface, points, len(photos.cameras), tables, rules
     )

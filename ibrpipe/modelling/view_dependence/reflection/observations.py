@@ -150,23 +150,27 @@ def _observations(
 
 
 def observe_texels(
-    surface: Surface, points: Array, wanted: Array, caster: MeshCaster, photos: PhotoSet, size: int
+    surface: Surface, points: Array, wanted: Array, caster: MeshCaster, photos: PhotoSet, size: int, every: int = 0
 ) -> Observations | None:
-    """Observe some samples of the layers at their own places, in every photo that sees them; None where none does.
+    """Observe samples of the layers at their own places, in photos that see them; None where none does.
 
     Parameters
     ----------
     points : (S, 3) float64, world, of the samples
     wanted : (S,) bool
+        Samples to be observed in every photo.
     caster : MeshCaster
         The mesh that tells what hides a sample from a photo.
+    every : int
+        The others are observed in every so manieth photo, each sample in others than its neighbour; 0 = in none.
     """
     patch = np.full(len(points), -1, np.int64)
     first = surface.records[:, 4]
     patch[first[first >= 0]] = np.flatnonzero(first >= 0)
-    chosen = np.flatnonzero(wanted & (patch >= 0))
     parts = []
     for p in track(range(len(photos.cameras)), "texels"):
+        turn = (np.arange(len(points)) + p) % every == 0 if every else False
+        chosen = np.flatnonzero((wanted | turn) & (patch >= 0))
         toward = photos.centers[p] - points[chosen]
         cosine = (surface.normals[chosen] * toward).sum(axis=1) / np.linalg.norm(toward, axis=1)
         able = np.flatnonzero(cosine >= STEEPEST)

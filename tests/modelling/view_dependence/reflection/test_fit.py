@@ -109,6 +109,9 @@ def test_samples_are_observed_at_their_own_places(ball):
     assert seen.traits[:, 5].max() <= 0.6
     none = observe_texels(ball.surface, ball.points, wanted & False, ball.measured.caster, ball.photos, RULES.size)
     assert none is None
+    turns = observe_texels(ball.surface, ball.points, wanted, ball.measured.caster, ball.photos, RULES.size, 4)
+    assert 1.2 * len(seen.where) < len(turns.where) < 4 * len(seen.where)
+    assert (seen_weight(turns, ball.surface.corners, len(ball.points)) > 0).mean() > 0.5
     both = join([ball.observe(), seen])
     assert len(both.where) == len(ball.observe().where) + len(seen.where)
     photo = both.subset(np.arange(len(both.where))[::-1]).photo
