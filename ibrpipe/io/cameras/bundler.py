@@ -13,7 +13,7 @@ import numpy as np
 
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
 from ibrpipe.io.cameras.lenses import Lens
-from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot, name_below, photo_by_label
+from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot, name_below, refuse_missing
 from ibrpipe.io.cameras.transforms import OPENCV_FROM_OPENGL
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.types import Array
@@ -46,18 +46,23 @@ def read_bundler(path: Path, images: Path) -> CameraSet:
     names = _names(path.with_name("list.txt"))
     rows = _rows(path, len(names))
     photos = PhotoFolder(images)
+    missing: list[str] = []
     shots, left = [], []
     for index, label in enumerate(names):
         camera = rows[index]
         if camera[0, 0] <= 0:
             left.append(label)  # Bundler's way to say that a photo was not placed
             continue
-        image = photo_by_label(photos, label, path)
+        image = photos.find(label, path)
+        if image is None:
+            missing.append(label)
+            continue
         header = read_header(image)
         focal, k1, k2 = camera[0]
         lens = Lens("RADIAL", (focal, header.width / 2.0, header.height / 2.0, k1, k2), header.width, header.height)
         pose = _pose(path, camera, label)
         shots.append(Shot(name_below(image, images), image, lens, pose))
+    refuse_missing(missing, len(names), path, images)
     if not shots:
         raise CaptureError(f"{path}: holds no camera with a focal length; export a finished reconstruction")
     told = f"{path.name}: {len(left)} of {len(names)} photos were not placed and are left out"

@@ -17,7 +17,7 @@ import numpy as np
 from ibrpipe.core.similarity import move_poses
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.cameras.metashape_lens import numbers_of, sensor_lens
-from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot, name_below, photo_by_label
+from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot, name_below, refuse_missing
 from ibrpipe.types import Array
 
 METASHAPE = "cameras.xml"
@@ -67,6 +67,7 @@ def read_metashape(path: Path, images: Path) -> CameraSet:
     cameras = list(_cameras(chunk))
     sensors = {sensor.get("id"): sensor for sensor in chunk.iter("sensor")}
     worlds, left, photos = _Worlds(path, chunk, [camera for camera, _ in cameras]), _Left(), PhotoFolder(images)
+    missing: list[str] = []
     shots, placed = [], 0
     by_id = {camera.get("id"): camera for camera, _ in cameras}
     for camera, group in cameras:
@@ -81,9 +82,13 @@ def read_metashape(path: Path, images: Path) -> CameraSet:
             left.add(reason, label)
             continue
         near = (group, "" if sensor is None else sensor.get("label", ""))
-        image = photo_by_label(photos, label, path, near)
+        image = photos.find(label, path, near)
+        if image is None:
+            missing.append(label)
+            continue
         shots.append(Shot(name_below(image, images), image, sensor_lens(path, sensor, label), _pose(matrix, world)))
         placed += camera.find("transform") is None
+    refuse_missing(missing, len(cameras), path, images)
     if not shots:
         raise CaptureError(f"{path}: holds no aligned camera; align the photos in Metashape and export again")
     warnings = list(left.told(path, len(cameras)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -183,15 +183,23 @@ def name_below(path: Path, folder: Path) -> str:
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name
 
 
-def photo_by_label(photos: PhotoFolder, label: str, source: Path, near: Iterable[str] = ()) -> Path:
-    """Return the photo that another program calls `label`, as `PhotoFolder.find` finds it.
+def refuse_missing(missing: Sequence[str], total: int, source: Path, folder: Path) -> None:
+    """Refuse cameras without photos.
+
+    Parameters
+    ----------
+    missing : sequence of str
+        What `source` calls the photos that were not found.
+    total : int
+        Photos that it names.
+    source, folder : Path
+        For the message.
 
     Raises
     ------
-    MissingFileError, CaptureError
-        There is no such photo, or several may be meant; the message names `source`.
+    MissingFileError
+        There is any.
     """
-    found = photos.find(label, source, near)
-    if found is None:
-        raise MissingFileError(f"{source}: names the photo {label}, which is not in {photos.root}; put it there")
-    return found
+    if missing:
+        count = f" ({len(missing)} of {total} photos are missing)" if len(missing) > 1 else ""
+        raise MissingFileError(f"{source}: names the photo {missing[0]}, which is not in {folder}{count}; put it there")

@@ -355,6 +355,10 @@ def test_a_label_without_a_photo_is_told(capture: Path) -> None:
     metashape(capture, _4={"label": "lost"})
     with pytest.raises(MissingFileError, match="names the photo lost"):
         read_capture(capture)
+    for number in (7, 9):
+        (capture / f"images/{number:03d}.png").unlink()
+    with pytest.raises(MissingFileError, match=r"names the photo lost, .*\(3 of 14 photos are missing\)"):
+        read_capture(capture)
 
 
 def test_unplaced_photos_of_bundler_are_counted(capture: Path, tmp_path: Path) -> None:
