@@ -12,6 +12,7 @@ import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.cameras.colmap import Cursor, image_names, text_lines
+from ibrpipe.io.cameras.shots import PhotoFolder
 from ibrpipe.io.views import View
 from ibrpipe.types import Array
 
@@ -68,7 +69,9 @@ def points_of_views(model: Path, images: Path, views: Sequence[View]) -> SparseP
     if source is None:
         return None
     where = {view.image: index for index, view in enumerate(views)}
-    known = {key: where[images / name] for key, name in image_names(model).items() if images / name in where}
+    photos = PhotoFolder(images)
+    files = {key: photos.of_model(name, model) for key, name in image_names(model).items()}
+    known = {key: where[file] for key, file in files.items() if file in where}
     found = _points_binary(source) if source.suffix == ".bin" else _points_text(source)
     seen = [
         (xyz, error, sorted({known[key] for key in track if key in known})) for _, xyz, error, track in sorted(found)

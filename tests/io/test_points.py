@@ -97,3 +97,14 @@ def test_round_trip(capture: Path, tmp_path: Path) -> None:
     write_points(points, tmp_path / "p.npz")
     back = read_points(tmp_path / "p.npz")
     assert all(np.array_equal(value, getattr(back, name)) for name, value in vars(points).items())
+
+
+def test_points_stay_where_a_model_names_photos_in_another_way(capture: Path) -> None:
+    write_text(capture / "sparse/0")
+    before = points_of_views(capture / "sparse/0", capture / "images", read_capture(capture).train)
+    path = capture / "sparse/0/images.txt"
+    path.write_text(path.read_text().replace(".png", ".PNG").replace(" 000", " images\\000"))
+    after = points_of_views(capture / "sparse/0", capture / "images", read_capture(capture).train)
+    assert before is not None
+    assert after is not None
+    assert (after.views == before.views).all()

@@ -129,6 +129,12 @@ class PhotoFolder:
                     return self._one(found, label, source, ())
         return None
 
+    def of_model(self, name: str, source: Path) -> Path | None:
+        """Return the photo that a COLMAP model calls `name`: there, or as `at` finds it; None = there is none."""
+        if (self.root / name).is_file():
+            return self.root / name
+        return self.at(name.replace("\\", "/").removeprefix("./").removeprefix("images/"), source)
+
     def _one(self, found: list[Path], label: str, source: Path, near: Iterable[str]) -> Path:
         """Return the one file that is meant: where there are several, that of a folder called as asked."""
         wanted = {folder.casefold() for folder in near if folder}

@@ -95,11 +95,10 @@ def _of_model(root: Path, model: Path) -> CameraSet:
 
 def _found(shot: Shot, photos: PhotoFolder, model: Path) -> Shot:
     """Find a photo whose name differs from the disk's in case, slashes or leading folders."""
-    if shot.image.is_file():
+    image = photos.of_model(shot.file, model)
+    if image is None or image == shot.image:
         return shot
-    name = shot.file.replace("\\", "/").removeprefix("./").removeprefix("images/")
-    image = photos.at(name, model)
-    return shot if image is None else replace(shot, image=image, file=name_below(image, photos.root))
+    return replace(shot, image=image, file=name_below(image, photos.root))
 
 
 def _joined(cameras: CameraSet, root: Path, model: Path) -> CameraSet:
