@@ -10,13 +10,11 @@ import numpy as np
 
 from ibrpipe.calibration.job import PhotoEntry
 from ibrpipe.errors import CaptureError, MissingFileError
-from ibrpipe.io.cameras.shots import Shot
+from ibrpipe.io.cameras.shots import PHOTO_SUFFIXES, Shot
 from ibrpipe.io.cameras.sources import has_cameras, has_test
 from ibrpipe.io.captures import read_shots
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
-
-SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", ".webp", ".bmp", ".jp2", ".heic")
 
 
 def photos_of(root: Path) -> tuple[PhotoEntry, ...]:
@@ -64,7 +62,7 @@ def _half(root: Path) -> list[PhotoEntry]:
 def _files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         return []
-    found = (path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+    found = (path for path in folder.rglob("*") if path.suffix.lower() in PHOTO_SUFFIXES and path.is_file())
     return sorted(path for path in found if not path.name.endswith(".mask.png") and not path.name.startswith("."))
 
 
