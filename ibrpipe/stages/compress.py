@@ -25,7 +25,7 @@ from ibrpipe.types import Asset
 #: bytes of a megabyte
 _MB = 1e6
 #: settings that are those of `Coding`
-_LAYERS = ("color_quality", "depth_step", "normal_bits")
+_LAYERS = ("color_quality", "depth_step", "normal_bits", "normal_tolerance")
 
 
 class CompressConfig(StageConfig):

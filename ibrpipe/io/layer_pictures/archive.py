@@ -20,10 +20,11 @@ import numpy as np
 from ibrpipe.errors import FormatError, IbrError, MissingFileError, ResourceError
 from ibrpipe.io.layer_pictures import values
 from ibrpipe.io.layer_pictures.coding import Coding
+from ibrpipe.io.layer_pictures.normal_parts import pack_normals, unpack_normals
 from ibrpipe.io.layer_pictures.planes import pack_occupancy, planes_of, unpack_occupancy
 from ibrpipe.io.layers import frame_as_json, frame_from_json
 from ibrpipe.io.photos.image_files import one_line
-from ibrpipe.types import LayeredDepthImage
+from ibrpipe.types import Camera, LayeredDepthImage
 
 NAME = "layers.zip"
 SCHEMA = 1
@@ -53,6 +54,8 @@ def write_layer_pictures(layers: LayeredDepthImage, path: Path, coding: Coding) 
             f"({MOST_TEXELS} texels, {MOST_LAYERS} layers); plan smaller textures"
         )
     parts: values.Parts = {"occupancy": pack_occupancy(layers.offsets, planes)}
+    said = values.pack_depth(layers, planes, coding.depth_step, parts)
+    depth = values.unpack_exact("depth", said, 1, planes, parts)[:, 0]  # as it will be read
     header = {
         "schema": SCHEMA,
         "frame": frame_as_json(layers.frame),
@@ -60,8 +63,8 @@ def write_layer_pictures(layers: LayeredDepthImage, path: Path, coding: Coding) 
         "width": width,
         "samples": [len(plane.samples) for plane in planes],
         "color": values.pack_color(layers.color, planes, coding, parts),
-        "depth": values.pack_depth(layers, planes, coding.depth_step, parts),
-        "normal": values.pack_normals(layers.normal, planes, coding.normal_bits, parts),
+        "depth": said,
+        "normal": pack_normals(layers.normal, depth, layers.frame, planes, coding, parts),
         "observers": values.pack_observers(layers.observers, planes, coding.lossless, parts),
     }
     try:
@@ -116,12 +119,15 @@ def _layers(header: Mapping[str, Any], parts: Mapping[str, bytes]) -> LayeredDep
         raise FormatError(f"{width} x {height} texels in {len(samples)} layers are too many")
     offsets = unpack_occupancy(parts["occupancy"], (height, width), samples)
     planes = planes_of(offsets)
+    frame = frame_from_json(header["frame"])
     depth = values.unpack_exact("depth", header["depth"], 1, planes, parts)[:, 0]
+    if isinstance(frame, Camera) and (depth <= 0).any():
+        raise FormatError("a sample lies behind the camera")
     return LayeredDepthImage(
-        frame_from_json(header["frame"]),
+        frame,
         offsets,
         np.ascontiguousarray(depth),
         values.unpack_color(header["color"], planes, parts),
-        values.unpack_normals(header["normal"], planes, parts),
+        unpack_normals(header["normal"], depth, frame, planes, parts),
         values.unpack_observers(header["observers"], planes, parts),
     )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from ibrpipe.config import Document
 
@@ -20,12 +20,24 @@ class Coding(Document):
         None, ge=3, le=16, description="Bits of either octahedral coordinate of the normals; absent = exact"
     )
 
+    normal_tolerance: float | None = Field(
+        None,
+        gt=0,
+        le=180,
+        description="Normals are had from depth where that is right within so many degrees; absent = nowhere",
+    )
     codewords: int | None = Field(
         None,
         ge=2,
         le=4096,
         description="Words for blocks of 2 x 2 colours (gong-yang) instead of JPEG XL",
     )
+
+    @model_validator(mode="after")
+    def _rest_is_coded(self) -> Self:
+        if self.normal_tolerance is not None and self.normal_bits is None:
+            raise ValueError("normal_tolerance needs normal_bits for the normals that depth does not give")
+        return self
 
     @property
     def lossless(self) -> bool:

@@ -12,7 +12,6 @@ from ibrpipe.errors import FormatError
 from ibrpipe.io.layer_pictures.codebook import pack_blocks, unpack_blocks
 from ibrpipe.io.layer_pictures.coding import Coding
 from ibrpipe.io.layer_pictures.exact import common_step, numbers_of, values_of
-from ibrpipe.io.layer_pictures.normals import from_octahedral, octahedral
 from ibrpipe.io.layer_pictures.numbers import pack_numbers, unpack_numbers
 from ibrpipe.io.layer_pictures.pictures import decode_picture, encode_picture
 from ibrpipe.io.layer_pictures.planes import Plane
@@ -101,32 +100,6 @@ def pack_depth(layers: LayeredDepthImage, planes: Sequence[Plane], share: float 
         numbers = np.maximum(numbers, 1)
     parts["depth_0"] = pack_numbers(numbers, planes)
     return {"coding": "exact", "step": step}
-
-
-def pack_normals(normal: Array, planes: Sequence[Plane], bits: int | None, parts: Parts) -> Said:
-    """Pack normals (S, 3): octahedral coordinates of so many bits, or exactly."""
-    if bits is None:
-        return pack_exact("normal", normal, planes, parts)
-    square = octahedral(normal, bits)
-    for i in range(2):
-        parts[f"normal_{i}"] = pack_numbers(square[:, i], planes)
-    unknown = ~(np.nan_to_num(normal) != 0).any(axis=1)
-    if unknown.any():
-        parts["normal_unknown"] = pack_numbers(unknown.astype(np.int64), planes)
-    return {"coding": "octahedral", "bits": bits, "unknown": bool(unknown.any())}
-
-
-def unpack_normals(said: Said, planes: Sequence[Plane], parts: Mapping[str, bytes]) -> Array:
-    """Return normals (S, 3) float32; NaN where unknown."""
-    if said["coding"] == "exact":
-        return unpack_exact("normal", said, 3, planes, parts)
-    bits = said["bits"]
-    if said["coding"] != "octahedral" or type(bits) is not int or not 3 <= bits <= 16:
-        raise FormatError(f"normals are coded as {said['coding']!r} of {bits} bits, which is unknown")
-    found = from_octahedral(np.stack([unpack_numbers(parts[f"normal_{i}"], planes) for i in range(2)], axis=1), bits)
-    if said["unknown"]:
-        found[unpack_numbers(parts["normal_unknown"], planes) != 0] = np.nan
-    return found
 
 
 def pack_observers(observers: Array | None, planes: Sequence[Plane], exact: bool, parts: Parts) -> Said:

@@ -24,8 +24,13 @@ class Step:
     components: int | None = None
 
 
+#: degrees; a twentieth per cent of the normals of a mesh's layers differ more from what depth gives
+_TOLERANCE = 15.0
+
+
 def _step(color: int | None, depth: float, bits: int, components: int | None = None) -> Step:
-    return Step(Coding(color_quality=color, depth_step=depth, normal_bits=bits), components)
+    coding = Coding(color_quality=color, depth_step=depth, normal_bits=bits, normal_tolerance=_TOLERANCE)
+    return Step(coding, components)
 
 
 #: from exact to coarse; the components' pictures cost most and pay least, so they are coarsened before the colours

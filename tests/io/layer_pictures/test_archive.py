@@ -22,6 +22,7 @@ FRAME = ParallelFrame((0.1, -2, 3), (0.5, 0, 0), (0, 0.25, 0.1), (0, 0, 1))
 CAMERA = Camera.look_at((1, 2, -5), (0, 0, 0), width=7, height=5)
 LOSSY = Coding(color_quality=95, depth_step=0.125, normal_bits=10)
 
+DERIVED = Coding(color_quality=95, depth_step=0.125, normal_bits=12, normal_tolerance=4)
 BLOCKS = Coding(codewords=256, depth_step=0.125, normal_bits=10)
 
 
@@ -84,7 +85,7 @@ def test_lossless_keeps_colours_that_were_held_as_half_floats(tmp_path):
         assert "color_0.jxl" in archive.namelist()
 
 
-@pytest.mark.parametrize("coding", [LOSSLESS, LOSSY, BLOCKS])
+@pytest.mark.parametrize("coding", [LOSSLESS, LOSSY, BLOCKS, DERIVED])
 @pytest.mark.parametrize(
     ("height", "width", "empty", "most"),
     [(1, 1, 0.0, 1), (1, 1, 1.0, 1), (1, 6, 0.5, 3), (4, 1, 0.5, 3), (3, 3, 1, 1), (2, 3, 0, 90), (1, 900, 0.1, 2)],
@@ -282,3 +283,58 @@ def test_missing_words_and_blocks(tmp_path, name):
     rewrite(tmp_path / NAME, lambda header, parts: parts.update({name: parts[name][:12]}))
     with pytest.raises(FormatError, match="damaged"):
         read_layer_pictures(tmp_path / NAME)
+
+
+def plane_layers(frame, normal, distance, height, width):
+    """A plane n . X = distance seen by the frame, in one layer, with a hole."""
+    normal = np.array(normal) / np.linalg.norm(normal)
+    v, u = np.mgrid[:height, :width] + 0.5
+    if isinstance(frame, Camera):
+        rays = frame.pixel_rays()
+        depth = (distance - frame.center @ normal) / (rays @ normal)
+        facing = normal * -np.sign(rays[0, 0] @ normal)
+    else:
+        start = frame.origin + u[..., None] * frame.a + v[..., None] * frame.b
+        depth = (distance - start @ normal) / (frame.f @ normal)
+        facing = normal * -np.sign(frame.f @ normal)
+    there = np.ones((height, width), bool)
+    there[2:4, 3:5] = False
+    count = int(there.sum())
+    return LayeredDepthImage(
+        frame,
+        offsets_of(there),
+        depth[there],
+        np.full((count, 3), 0.5),
+        np.tile(facing, (count, 1)),
+        np.ones(count, int),
+    )
+
+
+@pytest.mark.parametrize("frame", [FRAME, CAMERA])
+@pytest.mark.parametrize("normal", [(0.1, 0.2, -1), (-0.5, 0.3, -1)])
+def test_normals_of_a_plane_are_had_from_depth(tmp_path, frame, normal):
+    layers = plane_layers(frame, normal, 0.4 if frame is CAMERA else -9.0, 5, 7)
+    coding = Coding(depth_step=1e-3, normal_bits=3, normal_tolerance=2)
+    back = through(layers, tmp_path, coding)
+    assert (back.normal * layers.normal).sum(axis=1).min() > np.cos(np.radians(0.5))  # 3 bits alone are ten degrees off
+
+
+def test_normals_that_depth_does_not_give_are_kept(tmp_path):
+    layers = random_layers()
+    back = through(layers, tmp_path, DERIVED)
+    assert (back.normal * layers.normal).sum(axis=1).min() > np.cos(np.radians(4.01))
+    wild = through(layers, tmp_path, DERIVED.model_copy(update={"normal_tolerance": 180.0}))
+    assert (wild.normal * layers.normal).sum(axis=1).min() < 0
+
+
+@pytest.mark.parametrize("name", ["normal_given", "normal_2"])
+def test_missing_normals(tmp_path, name):
+    write_layer_pictures(random_layers(), tmp_path / NAME, DERIVED)
+    rewrite(tmp_path / NAME, lambda header, parts: parts.update({name: zlib.compress(bytes(3))}))
+    with pytest.raises(FormatError, match="damaged"):
+        read_layer_pictures(tmp_path / NAME)
+
+
+def test_a_tolerance_needs_bits_for_the_rest():
+    with pytest.raises(ValueError, match="needs normal_bits"):
+        Coding(normal_tolerance=5)

@@ -1,0 +1,42 @@
+"""Slopes against least squares by NumPy, sample by sample."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ibrpipe.core.coding.slopes import REACH, slopes
+
+
+def twin(values, there, steepest, relative):
+    found = np.zeros((*there.shape, 2))
+    for i, j in np.argwhere(there):
+        limit = steepest * (values[i, j] if relative else 1.0)
+        rows = [
+            (x - j, y - i, values[y, x] - values[i, j])
+            for y, x in np.argwhere(there)
+            if max(abs(y - i), abs(x - j)) <= REACH
+            and abs(values[y, x] - values[i, j]) <= limit * np.hypot(x - j, y - i)
+        ]
+        system = np.array(rows, float)
+        if np.linalg.matrix_rank(system[:, :2]) == 2:
+            found[i, j] = np.linalg.lstsq(system[:, :2], system[:, 2], rcond=None)[0]
+    return found
+
+
+@pytest.mark.parametrize("relative", [False, True])
+@pytest.mark.parametrize("share", [0.3, 0.8, 1.0])
+def test_slopes_are_the_twins(relative, share):
+    rng = np.random.default_rng(12)
+    there = rng.random((9, 11)) < share
+    values = 2 + rng.random((9, 11)) + 5 * (rng.random((9, 11)) < 0.2)
+    np.testing.assert_allclose(slopes(values, there, 0.7, relative), twin(values, there, 0.7, relative), atol=1e-9)
+
+
+def test_a_plane_gives_its_slopes_and_a_lone_sample_none():
+    v, u = np.mgrid[:6, :7]
+    there = np.ones((6, 7), bool)
+    np.testing.assert_allclose(
+        slopes(0.3 * u - 0.2 * v, there, 9, False), np.broadcast_to([0.3, -0.2], (6, 7, 2)), atol=1e-12
+    )
+    assert not slopes(np.ones((1, 1)), np.ones((1, 1), bool), 9, False).any()
