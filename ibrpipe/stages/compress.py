@@ -45,6 +45,9 @@ class CompressConfig(StageConfig):
     normal_bits: int | None = Field(
         None, ge=3, le=16, description="Bits of either coordinate of normals; none = chosen"
     )
+    normal_tolerance: float | None = Field(
+        None, gt=0, le=180, description="Normals are had from depth where right within so many degrees; none = chosen"
+    )
     component_quality: int | None = Field(
         None, ge=1, le=99, description="Quality of residual images, as WebP's; none = chosen"
     )

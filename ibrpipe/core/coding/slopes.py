@@ -1,7 +1,7 @@
 """Slopes of a picture with holes: the plane that fits a sample and its neighbours on the same surface best.
 
-A plane through the sample itself, least squares over the 5 x 5 texels around it, those left out that are too far off for
-one surface.
+The plane goes through the sample itself: least squares over the 5 x 5 texels around it, but those that are too far off
+for one surface.
 """
 
 from __future__ import annotations
