@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from ibrpipe.cli.describe import describe
 from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.core.spiral import directions
 from ibrpipe.errors import FormatError
@@ -96,6 +97,10 @@ def test_the_asset_says_how_it_is_coded_and_what_that_lost(inputs: Inputs) -> No
         assert lost["depth_error_max"] == pytest.approx(worst, rel=0.01)
         assert 20 < lost["color_psnr"] < 60
     assert len(coded[0].components) == 1
+    shown = describe(inputs.out)["coding"]["texture_00"]
+    assert shown["color_quality"] == found["chosen"]["layers"]["color_quality"]
+    assert shown["color_psnr"] == index.textures[0].measured["coding"]["color_psnr"]
+    assert "coding" not in describe(inputs.asset)
 
 
 @pytest.mark.parametrize("share", [0.7, 0.3, 0.1])
