@@ -112,6 +112,15 @@ class _Coder:
         self.trials.append(trial)
         return trial
 
+    def settled(self, step: Step) -> Trial:
+        """Leave the asset coded in this step, measured on the photos; not once more where it was the last one tried."""
+        last = self.trials[-1] if self.trials else None
+        if last is None or Step(last.layers, last.component_quality) != step:
+            last = self.tried(step, photos=True)
+            self.trials.pop()
+        psnr = last.psnr if last.psnr is not None else _rounded(self.fit.psnr(read_asset(self.out)))
+        return last.model_copy(update={"psnr": psnr})
+
 
 def run(inputs: Inputs, config: CompressConfig) -> Outputs:
     """Try codings from exact to coarse by bisection and write the asset in the one that the target asks for.
@@ -127,8 +136,7 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
     before = _rounded(fit.psnr(asset))
     steps = [_settled(step, config) for step in (STEPS[:1] if config.lossless else STEPS)]
     chosen, why = _choose(coder, steps, config, before)
-    trial = coder.tried(steps[chosen], photos=True)
-    coder.trials.pop()
+    trial = coder.settled(steps[chosen])
     told = Compression(
         why=why,
         chosen=trial,
