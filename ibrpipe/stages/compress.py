@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -19,11 +20,13 @@ from ibrpipe.io.manifest import files_below
 from ibrpipe.io.recoding import finish, losses, recode, texture_bytes
 from ibrpipe.io.views import View, read_views
 from ibrpipe.modelling.compression.document import Compression, Trial
-from ibrpipe.modelling.compression.steps import STEPS, Step, coarsest, finest
+from ibrpipe.modelling.compression.steps import NORMALS, STEPS, Step, coarsest, finest, keep_normals
 from ibrpipe.types import Asset
 
 #: bytes of a megabyte
 _MB = 1e6
+#: PSNR that normals had from depth may cost, dB
+_NORMALS_DB = 0.03
 #: settings that are those of `Coding`
 _LAYERS = ("color_quality", "depth_step", "normal_bits", "normal_tolerance")
 
@@ -37,7 +40,7 @@ class CompressConfig(StageConfig):
     loss_db: float = Field(
         0.15, ge=0, le=100, description="Without a target: PSNR of the measured training photos that may be lost, dB"
     )
-    measured_views: int = Field(6, ge=1, le=1000, description="Training photos that are measured, evenly spread")
+    measured_views: int = Field(12, ge=1, le=1000, description="Training photos that are measured, evenly spread")
     color_quality: int | None = Field(None, ge=1, le=100, description="JPEG XL quality of colours; none = chosen")
     depth_step: float | None = Field(
         None, gt=0, le=1, description="Step of depths, shares of a texel's pitch; none = chosen"
@@ -134,7 +137,7 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
     fit = PhotoFit(_spread(read_views(inputs.views).train, config.measured_views))
     coder = _Coder(inputs.asset, index, asset, fit, inputs.out)
     before = _rounded(fit.psnr(asset))
-    steps = [_settled(step, config) for step in (STEPS[:1] if config.lossless else STEPS)]
+    steps = [_settled(step, config) for step in _steps(coder, config, before)]
     chosen, why = _choose(coder, steps, config, before)
     trial = coder.settled(steps[chosen])
     told = Compression(
@@ -149,6 +152,17 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
     return Outputs.below(inputs.out)
 
 
+def _steps(coder: _Coder, config: CompressConfig, before: float | None) -> Sequence[Step]:
+    """Return the steps to choose from; normals are had from depth only where the photos do not miss them."""
+    if config.lossless or before is None:
+        return STEPS[:1]
+    if config.normal_tolerance is not None:
+        return STEPS
+    derived = coder.tried(NORMALS, photos=True).psnr
+    lost = before - (derived or 0.0)
+    return STEPS if lost <= _NORMALS_DB else [keep_normals(step) for step in STEPS]
+
+
 def _settled(step: Step, config: CompressConfig) -> Step:
     """Return a step with what the settings leave no choice about."""
     if config.lossless:
@@ -157,7 +171,7 @@ def _settled(step: Step, config: CompressConfig) -> Step:
     return Step(step.layers.model_copy(update=given), config.component_quality or step.components)
 
 
-def _choose(coder: _Coder, steps: list[Step], config: CompressConfig, before: float | None) -> tuple[int, str]:
+def _choose(coder: _Coder, steps: Sequence[Step], config: CompressConfig, before: float | None) -> tuple[int, str]:
     """Return the place of the step to take, and why."""
     if config.lossless:
         return 0, "every bit of the layers is kept, view dependence as it was"

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 from ibrpipe.io.layer_pictures import LOSSLESS, Coding
 
+#: bits of a coordinate of normals that depth does not give well enough, such as those that mirror
+_KEPT_BITS = 8
+
 
 @dataclass(frozen=True)
 class Step:
@@ -50,6 +53,17 @@ STEPS = (
     _step(60, 1.0, 5, 3),
     _step(40, 1.0, 4, 1),
 )
+
+
+#: normals alone had from depth: what that costs says whether it may be done
+NORMALS = Step(Coding(normal_bits=8, normal_tolerance=_TOLERANCE))
+
+
+def keep_normals(step: Step) -> Step:
+    """Return the step with normals of their own where it has them from depth."""
+    if step.layers.normal_tolerance is None:
+        return step
+    return Step(step.layers.model_copy(update={"normal_tolerance": None, "normal_bits": _KEPT_BITS}), step.components)
 
 
 def coarsest(count: int, kept: Callable[[int], bool]) -> int | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ibrpipe.modelling.compression.steps import STEPS, coarsest, finest
+from ibrpipe.modelling.compression.steps import STEPS, coarsest, finest, keep_normals
 
 
 def test_steps_go_from_exact_to_coarse() -> None:
@@ -31,3 +31,11 @@ def test_bisection_finds_what_a_search_of_all_finds(count: int) -> None:
         assert coarsest(count, kept) == (edge - 1 if edge else None)
         assert len(asked) == len(set(asked)) <= count.bit_length()
         assert finest(count, lambda step, edge=edge: step >= edge) == (edge if edge < count else None)
+
+
+def test_normals_can_be_kept_in_every_step() -> None:
+    assert keep_normals(STEPS[0]) == STEPS[0]
+    for step in STEPS[1:]:
+        kept = keep_normals(step)
+        assert (kept.layers.normal_tolerance, kept.layers.normal_bits) == (None, 8)
+        assert (kept.layers.color_quality, kept.components) == (step.layers.color_quality, step.components)
