@@ -1,13 +1,16 @@
 # Every target sets up what it needs: .venv with the locked dependencies. `make demo` and `make test` are the two to know.
 
 BIN := .venv/bin
-.PHONY: demo test hard-cases lint docs lock setup clean
+.PHONY: demo test plain hard-cases lint docs lock setup clean
 
 demo: .venv/.ready  ## the whole job on a built-in synthetic capture; ends with demo/report/report.html
 	$(BIN)/ibrpipe demo --out demo
 
 test: .venv/.ready  ## all tests
 	$(BIN)/python -m pytest -q
+
+plain: .venv/.ready  ## the kernels' tests with Numba's compiler off: what they do as plain Python
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/core
 
 hard-cases: .venv/.ready  ## every hard case with every renderer; fails where one is beyond its limit
 	$(BIN)/ibrpipe bench hard-cases --out bench

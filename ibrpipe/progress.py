@@ -13,6 +13,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import TypeVar
 
+from ibrpipe.interruption import stop_if_asked
+
 T = TypeVar("T")
 
 #: called as listener(label, done, total); the command line decides how to show it
@@ -149,6 +151,7 @@ def track(items: Iterable[T], label: str, total: int | None = None) -> Iterator[
         total = len(items)
     _tell(label, 0, total)
     for index, item in enumerate(items):
+        stop_if_asked()
         yield item
         _tell(label, index + 1, total)
 

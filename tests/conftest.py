@@ -6,12 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
 # how long an example takes says nothing about the code on a machine that others use, too
 settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("unhurried")
+
+
+@pytest.fixture(autouse=True)
+def quiet_as_compiled():
+    """With the compiler off, let divisions by zero, infinities and NaN be as quiet as in compiled code."""
+    with np.errstate(**({"all": "ignore"} if numba.config.DISABLE_JIT else {})):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 import click
 
 from ibrpipe.cli.boundary import one_line
+from ibrpipe.interruption import ask_to_stop, stop_if_asked
 from ibrpipe.stages.registry import registered
 from ibrpipe.version import VERSION
 
@@ -96,11 +97,14 @@ def cli() -> None:
 
 def main() -> NoReturn:
     """Run the command line; the console script."""
-    signal.signal(signal.SIGTERM, _terminate)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # jobs in the background of a shell
+        signal.signal(signal.SIGINT, _stop)
+    signal.signal(signal.SIGTERM, _stop)
     cli(prog_name="ibrpipe")
     sys.exit(0)
 
 
-def _terminate(number: int, frame: object) -> NoReturn:
-    """End by the usual way out, so that nothing half-written stays."""
-    sys.exit(128 + number)
+def _stop(number: int, frame: object) -> None:
+    """End by the usual way out, so that nothing half-written stays; what swallows the exception meets it again."""
+    ask_to_stop(number)
+    stop_if_asked()

@@ -16,6 +16,7 @@ from ibrpipe.engine.run_document import RunDocument
 from ibrpipe.engine.run_folder import files_with_sizes, only_run, whole_folder
 from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import ConfigError, ResourceError, closest
+from ibrpipe.interruption import stop_if_asked
 from ibrpipe.io.manifest import (
     NAME,
     RUN_NAME,
@@ -100,6 +101,7 @@ def run_job(job: Job, hasher: Hasher, force: bool = False, report: Report = _sil
     with whole_folder(job.target) as folder:
         with measured() as cost:
             job.stage.run(job.stage.inputs(**job.fields, out=folder), job.config)
+        stop_if_asked()
         manifest = Manifest(
             **identity,
             stage=job.stage.name,

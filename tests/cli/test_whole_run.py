@@ -131,7 +131,16 @@ def digests(folder: Path) -> dict[str, str]:
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGKILL, -9)])
 def test_a_stopped_run_goes_on(copy: Path, number: signal.Signals, code: int) -> None:
     command = [sys.executable, "-m", "ibrpipe", "run", "mesh", "--out", str(copy), *SETTINGS, "--set", "layers.bins=64"]
-    child = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, env=os.environ)
+    child = subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        env=os.environ,
+        preexec_fn=lambda: signal.signal(
+            signal.SIGINT, signal.default_int_handler
+        ),  # a job in the background ignores it
+    )
     assert child.stderr is not None
     while "layers: starts" not in (line := child.stderr.readline()):
         assert line
