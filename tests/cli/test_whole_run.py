@@ -137,9 +137,8 @@ def test_a_stopped_run_goes_on(copy: Path, number: signal.Signals, code: int) ->
         stdout=subprocess.DEVNULL,
         text=True,
         env=os.environ,
-        preexec_fn=lambda: signal.signal(
-            signal.SIGINT, signal.default_int_handler
-        ),  # a job in the background ignores it
+        # a shell's job in the background ignores Ctrl-C, and so would its children
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     assert child.stderr is not None
     while "layers: starts" not in (line := child.stderr.readline()):
