@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -22,6 +23,7 @@ from ibrpipe.modelling.appearance import (
     sampling_density,
 )
 from ibrpipe.modelling.frusta import Frustum, covered_share, cube_frusta, greedy_frusta
+from ibrpipe.modelling.ladder import Prices, climb
 from ibrpipe.modelling.plan_file import PlannedComponent, TexturePlan, Told, reason
 from ibrpipe.modelling.rectangles import (
     Rectangle,
@@ -32,6 +34,7 @@ from ibrpipe.modelling.rectangles import (
     distinct,
     sized,
 )
+from ibrpipe.modelling.trial import try_out
 from ibrpipe.modelling.view_dependence.fitter import Fitter
 from ibrpipe.modelling.view_dependence.spiral_plan import SPIRAL, SpiralPlan
 
@@ -91,6 +94,13 @@ class PlanConfig(StageConfig):
     components: tuple[PlannedComponent, ...] = Field(
         (), description="Further kinds of view dependence, each with its settings, that every texture gets"
     )
+    reflection: Literal["auto", "never"] = Field(
+        "auto",
+        description="auto: shared reflection and colours fitted to all photos at once are tried on left-out photos, "
+        "where residuals is auto and no components are named",
+    )
+    min_gain_asset: float = Field(0.1, ge=0, description="Gain in dB of the whole asset that each rung must bring")
+    min_gain_mb: float = Field(0.03, ge=0, description="Gain in dB of the whole asset that a megabyte must bring")
     samples: int = Field(40_000, ge=1000, description="Surface points that are measured")
 
     @field_validator("components")
@@ -255,4 +265,12 @@ def make_plan(
         reasons += [why_layers, why_residuals]
         spiral = (SpiralPlan(k=k, residual_scale=config.residual_scale),) if residuals else ()
         plans.append(TexturePlan(rectangle, config.max_angle, layers, (*spiral, *config.components)))
-    return plans, reasons
+    if config.reflection == "never" or config.residuals != "auto" or config.components:
+        return plans, reasons
+    trial = try_out(plans, caster, photos, seed, 2 if any(plan.components for plan in plans) else 0)
+    if trial is None or not trial.pixels.any():
+        why = "too few photos, or too little that they show in common, to leave some out"
+        return plans, [*reasons, reason("rungs", "not tried", why, photos=len(photos.cameras))]
+    prices = Prices(config.min_gain_asset, config.min_gain_mb)
+    components, rungs = climb(trial, plans, photo_spacing(photos, caster.mesh.vertices.mean(axis=0)), prices)
+    return [replace(plan, components=each) for plan, each in zip(plans, components, strict=True)], reasons + rungs

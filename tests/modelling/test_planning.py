@@ -16,7 +16,7 @@ from ibrpipe.modelling.planning import PlanConfig, choose_residuals, make_plan
 from ibrpipe.modelling.rectangles import RectangleConfig
 from ibrpipe.stages.plan import Inputs, run
 
-QUICK = PlanConfig(samples=4000)
+QUICK = PlanConfig(samples=4000, reflection="never")
 #: stands in front of the wall of the matt scene, looking along +y
 FRONT = RectangleConfig(name="front", origin=(-1.6, -1, 1.2), u=(3.2, 0, 0), v=(0, 0, -2.4), center=(0, -5, 0))
 

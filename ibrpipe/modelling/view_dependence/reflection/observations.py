@@ -16,7 +16,7 @@ from ibrpipe.renderers.ldi.renderer import find_hits
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.view_dependence.mirror import LIFT, Looks, Surface, look, meet_surface
 from ibrpipe.renderers.view_dependence.reflection import look_through
-from ibrpipe.types import Array
+from ibrpipe.types import Array, Camera
 
 #: weight of pixels beside a depth edge, and of a texel's own sample (times the root of n.v)
 BESIDE_EDGE, OWN_SAMPLE = 0.3, 0.6
@@ -71,7 +71,9 @@ def join(parts: Sequence[Observations]) -> Observations:
     return Observations(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def observe_pixels(scene: Scene, surface: Surface, photos: PhotoSet, size: int, most: int = 4_000_000) -> Observations:
+def observe_pixels(
+    scene: Scene, surface: Surface, photos: PhotoSet, size: int, most: int = 4_000_000, wanted: Array | None = None
+) -> Observations:
     """Observe the surface through a checkerboard half of the photos' pixels inside the masks, or fewer.
 
     Parameters
@@ -84,6 +86,8 @@ def observe_pixels(scene: Scene, surface: Surface, photos: PhotoSet, size: int, 
         Cells along a table's edge.
     most : int
         Observations at the most; every n-th pixel is taken so that about as many remain.
+    wanted : (P,) bool or None
+        Patches to observe; None = all.
 
     Raises
     ------
@@ -91,24 +95,31 @@ def observe_pixels(scene: Scene, surface: Surface, photos: PhotoSet, size: int, 
         A photo holds NaN or infinite pixels.
     """
     step = max(2, int(np.ceil(np.count_nonzero(photos.mask >= 0.5) / most)))
-    return join(
-        [_observe_photo(scene, surface, photos, p, size, step) for p in track(range(len(photos.cameras)), "observe")]
-    )
+    each = track(range(len(photos.cameras)), "observe")
+    return join([_observe_photo(scene, surface, photos, p, size, step, wanted) for p in each])
 
 
-def _observe_photo(scene: Scene, surface: Surface, photos: PhotoSet, p: int, size: int, step: int) -> Observations:
+def _observe_photo(
+    scene: Scene, surface: Surface, photos: PhotoSet, p: int, size: int, step: int, wanted: Array | None
+) -> Observations:
     camera, own = photos.cameras[p], _pixels(photos, p)
     shape = camera.height, camera.width
     depth, mask = photos.depth[own].reshape(shape), photos.mask[own].reshape(shape)
     hits = find_hits(scene, camera)
     row, column = np.indices(shape)
-    with np.errstate(invalid="ignore"):
-        apart = np.abs(hits.depth - depth) <= 2 * DEPTH_SLACK * depth / camera.K[0, 0]
-    taken = np.isfinite(hits.depth) & apart & (mask >= 0.5) & ((row + column + p) % step == 0)
+    taken = agreed(hits.depth, depth, camera) & (mask >= 0.5) & ((row + column + p) % step == 0)
+    if wanted is not None:
+        taken[taken] = wanted[hits.ids[taken]]
     seen = look_through(surface, camera, hits.depth, hits.ids, taken, size)
     weight = mask[taken] * np.where(beside_edge(depth, mask)[taken], BESIDE_EDGE, 1.0)
     code, level = photos.code[own].reshape(*shape, 3), _clipped(photos.code[own])
     return _observations(surface, seen, weight, code[taken], level, p, size)
+
+
+def agreed(drawn: Array, depth: Array, camera: Camera) -> Array:
+    """Say where the layers as they are drawn and the mesh, depths (H, W), are one surface."""
+    with np.errstate(invalid="ignore"):
+        return np.isfinite(drawn) & (np.abs(drawn - depth) <= 2 * DEPTH_SLACK * depth / camera.K[0, 0])
 
 
 def _pixels(photos: PhotoSet, p: int) -> slice:
