@@ -141,9 +141,24 @@ def _asset(path: Path) -> Facts:
     facts["photos"] = len(index.provenance.get("photos", []))
     facts["view_dependence_bytes"] = bytes_by_kind(index, path)
     facts["textures"] = {entry.name: _texture(path, entry) for entry in index.textures}
+    if rungs := _rungs(index.provenance):
+        facts["rungs"] = rungs
     if any(entry.coding is not None for entry in index.textures):
         facts["coding"] = {entry.name: _coding(entry) for entry in index.textures}
     return facts
+
+
+def _rungs(provenance: Facts) -> Facts:
+    """Return what the plan took and dropped, from less to more data, with its figures."""
+    told: Facts = {}
+    reasons = provenance.get("reasons")
+    for entry in reasons if isinstance(reasons, list) else ():
+        if isinstance(entry, dict) and str(entry.get("what", "")).startswith("rung "):
+            measured = entry.get("measured")
+            figures = measured if isinstance(measured, dict) else {}
+            kept = {name: figures[name] for name in ("psnr", "gain_db", "bytes") if name in figures}
+            told[str(entry["what"]).split(": ")[-1]] = {"choice": entry.get("choice"), **kept}
+    return told
 
 
 def _texture(folder: Path, entry: TextureEntry) -> Facts:

@@ -42,6 +42,11 @@ class ReportSources:
     surface: dict[str, Any] | None = None
     geometry: dict[str, Any] | None = None
 
+    @property
+    def rungs(self) -> list[dict[str, Any]]:
+        """The reasons that tell what was modelled, from less to more data."""
+        return [entry for entry in self.reasons if str(entry.get("what", "")).startswith("rung ")]
+
 
 def read_sources(views: ViewSet, plan: Path | None, audit: Path | None, geometry: Path | None) -> ReportSources:
     """Gather what is known from the documents of earlier stages; None leaves one out."""
