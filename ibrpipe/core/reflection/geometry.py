@@ -74,14 +74,15 @@ def reflect(normals, toward, size, out_where, out_traits, out_reflected):
 
 
 @exact_kernel
-def search_rays(rays, place, box, pyramid, leaves, base, out_t, out_ids):
+def search_rays(rays, chosen, place, box, pyramid, leaves, base, out_t, out_ids):
     """Lower out_t (N,) f64 and set out_ids (N,) i64 where free rays meet one sheet of a field nearer."""
-    # rays (N, 6) f64 origin, direction (t in its lengths); place (4, 4); box, pyramid, leaves: see search_field
+    # rays (N, 6) f64 origin, direction (t in its lengths); chosen (M,) i64: rays to look at; place (4, 4)
+    # box, pyramid, leaves: see search_field
     columns, rows = int(box[0]), int(box[1])
     front = len(leaves[1]) > 0
-    for block in prange((len(rays) + BLOCK - 1) // BLOCK):
+    for block in prange((len(chosen) + BLOCK - 1) // BLOCK):
         start, way = np.empty(4), np.empty(4)
-        for i in range(block * BLOCK, min(block * BLOCK + BLOCK, len(rays))):
+        for i in chosen[block * BLOCK : block * BLOCK + BLOCK]:
             for k in range(4):
                 way[k] = place[k, 0] * rays[i, 3] + place[k, 1] * rays[i, 4] + place[k, 2] * rays[i, 5]
                 start[k] = place[k, 0] * rays[i, 0] + place[k, 1] * rays[i, 1] + place[k, 2] * rays[i, 2] + place[k, 3]

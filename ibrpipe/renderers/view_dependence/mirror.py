@@ -14,6 +14,7 @@ from ibrpipe.core.reflection.model import TRAITS
 from ibrpipe.renderers.fields import PatchField, Pose
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.search.quadtree import Sheet
+from ibrpipe.renderers.view_dependence.occupancy import Occupancy, bit, build_occupancy
 from ibrpipe.types import Array
 
 #: reflected rays start this far above the surface, and meet nothing nearer than this, in texels
@@ -34,6 +35,8 @@ class Surface:
     sheets : list of Sheet
     texel : float
         Scene units.
+    occupancy : Occupancy
+        Tells which sheets a ray may meet.
     """
 
     records: Array
@@ -42,6 +45,7 @@ class Surface:
     normals: Array
     sheets: list[Sheet]
     texel: float
+    occupancy: Occupancy
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +82,8 @@ def make_surface(scene: Scene, normals: Array) -> Surface:
     poses = np.stack([matrix(field.pose) for _, field in scene.patches])
     texel = float(np.median([texel_size(field) for _, field in scene.patches]))
     sheets = [sheet for sheet in scene.sheets if len(sheet.leaves[1]) and sheet.box[2] <= sheet.box[3]]
-    return Surface(records, corners, poses, np.ascontiguousarray(normals, np.float32), sheets, texel)
+    occupancy = build_occupancy([(matrix(each.pose), int(each.box[0]), each.leaves) for each in sheets], texel)
+    return Surface(records, corners, poses, np.ascontiguousarray(normals, np.float32), sheets, texel, occupancy)
 
 
 def matrix(pose: Pose) -> Array:
@@ -131,7 +136,9 @@ def cast(surface: Surface, origins: Array, directions: Array) -> tuple[Array, Ar
     """Nearest fronts that rays (N, 3) meet: (N,) float64 in lengths of the direction, +inf = none; (N,) int64 patch."""
     rays = np.ascontiguousarray(np.concatenate([origins, directions], axis=1))
     t, patches = np.full(len(rays), np.inf), np.full(len(rays), -1, np.int64)
-    for sheet in surface.sheets:
+    found = surface.occupancy.find_sheets(rays)
+    for number, sheet in enumerate(surface.sheets):
         pyramid = (sheet.nodes, sheet.meta, sheet.grid)
-        search_rays(rays, matrix(sheet.pose), sheet.box, pyramid, sheet.leaves, sheet.base, t, patches)
+        chosen = np.flatnonzero(found & bit(number))
+        search_rays(rays, chosen, matrix(sheet.pose), sheet.box, pyramid, sheet.leaves, sheet.base, t, patches)
     return t, patches

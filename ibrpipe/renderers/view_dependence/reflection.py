@@ -126,7 +126,7 @@ class Mirrors:
     def bytes(self) -> int:
         """Bytes held."""
         parts = (self.surface.records, self.surface.corners, self.surface.normals, self.model.texels, self.model.tables)
-        return sum(part.nbytes for part in parts)
+        return sum(part.nbytes for part in parts) + self.surface.occupancy.bytes
 
 
 class ReflectionDrawer:
