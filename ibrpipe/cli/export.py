@@ -33,4 +33,4 @@ def asset_folder(path: Path) -> Path:
     finished = path / products(load_stages())["asset"].path
     if (path / "asset.json").is_file():
         return path
-    return finished if finished.is_dir() or not (path / "asset").is_dir() else path / "asset"
+    return finished if finished.is_dir() or not (path / "assembled").is_dir() else path / "assembled"

@@ -94,7 +94,8 @@ def _copy(inputs: Inputs, components: Sequence[Component]) -> None:
 
 STAGE = Stage(
     name="asset",
-    summary="Put layers and residuals together as a finished asset folder.",
+    folder="assembled",
+    summary="Put layers and residuals together as an asset folder, uncompressed.",
     inputs=Inputs,
     outputs=Outputs,
     config=AssetConfig,

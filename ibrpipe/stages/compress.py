@@ -222,6 +222,7 @@ def _spread(views: tuple[View, ...], count: int) -> list[View]:
 
 STAGE = Stage(
     name="compress",
+    folder="asset",
     summary="Code the asset compactly, as coarsely as a size or an error allows.",
     inputs=Inputs,
     outputs=Outputs,

@@ -52,7 +52,7 @@ DOCUMENTS = {
     "asset": "asset/asset.json",
     "audit": "ingest/audit.json",
     "calibration": "calibrate/calibration.json",
-    "compression": "compress/compression.json",
+    "compression": "asset/compression.json",
     "frames": "render/frames.json",
     "geometry": "geometry/geometry.json",
     "layers": "layers/layers.json",
@@ -71,7 +71,7 @@ def test_files_are_what_their_schemas_say(finished: Path, name: str) -> None:
 
 def test_every_artifact_lies_where_its_stage_says(finished: Path) -> None:
     artifacts = [(stage.path_of(made), made) for stage in load_stages() for made in stage.outputs.artifacts()]
-    assert {path for path, made in artifacts if made.document} == {*DOCUMENTS.values(), "compress/asset.json"} - {
+    assert {path for path, made in artifacts if made.document} == {*DOCUMENTS.values(), "assembled/asset.json"} - {
         "run.json"
     }
     lacking = {path for path, _ in artifacts if not (finished / path).exists()}
@@ -117,7 +117,7 @@ def test_single_stage_writes_the_same_as_the_run(finished: Path, copy: Path) -> 
 def test_no_byte_depends_on_the_number_of_workers(finished: Path, tmp_path: Path, tiny_glossy: Path) -> None:
     result = run(tmp_path / "one", "--capture", tiny_glossy, "--workers", 1, "--until", "compress")
     assert result.exit_code == 0, result.output
-    for stage in ("calibrate", "ingest", "geometry", "plan", "layers", "residuals", "asset", "compress"):
+    for stage in ("calibrate", "ingest", "geometry", "plan", "layers", "residuals", "assembled", "asset"):
         assert digests(tmp_path / "one" / stage) == digests(finished / stage), stage
 
 

@@ -26,18 +26,18 @@ def run(tmp_path: Path) -> Path:
     layers = LayeredDepthImage(
         FRAME, np.arange(4)[:, None] * 4 + np.arange(5), np.ones(16), color, color, np.ones(16, np.int32)
     )
-    write_asset(Asset((Texture(layers),), {"units": "metre"}), tmp_path / "run" / "compress", coding=LOSSLESS)
+    write_asset(Asset((Texture(layers),), {"units": "metre"}), tmp_path / "run" / "asset", coding=LOSSLESS)
     return tmp_path / "run"
 
 
-@pytest.mark.parametrize("source", ["", "compress"])
+@pytest.mark.parametrize("source", ["", "asset"])
 def test_a_run_or_an_asset_becomes_deep_openexr(run: Path, source: str) -> None:
     result = CliRunner().invoke(cli, ["export", str(run / source), str(run / "deep"), "--format", "deep-exr"])
     assert result.exit_code == 0, result.output
     index = read_index(run / "deep")
     assert (index.schema_version, index.textures[0].coding, index.units) == (1, None, "metre")
     assert (run / "deep/texture_00/layers.exr").read_bytes()[:4] == b"\x76\x2f\x31\x01"
-    back, wanted = read_asset(run / "deep").textures[0].layers, read_asset(run / "compress").textures[0].layers
+    back, wanted = read_asset(run / "deep").textures[0].layers, read_asset(run / "asset").textures[0].layers
     for name in ("offsets", "depth", "color", "normal", "observers"):
         np.testing.assert_array_equal(getattr(back, name), getattr(wanted, name), err_msg=name)
     assert not list(run.glob(".*"))
@@ -45,17 +45,17 @@ def test_a_run_or_an_asset_becomes_deep_openexr(run: Path, source: str) -> None:
 
 def test_an_earlier_export_is_replaced_and_nothing_else(run: Path) -> None:
     export = find_exporter("deep-exr").write
-    export(run / "compress", run / "deep")
+    export(run / "asset", run / "deep")
     (run / "deep/texture_09").mkdir()
-    export(run / "compress", run / "deep")
+    export(run / "asset", run / "deep")
     assert not (run / "deep/texture_09").exists()
     (run / "mine").mkdir()
     (run / "mine/notes.txt").write_text("keep")
     with pytest.raises(ConfigError, match="holds something that is no asset"):
-        export(run / "compress", run / "mine")
+        export(run / "asset", run / "mine")
     assert (run / "mine/notes.txt").read_text() == "keep"
     with pytest.raises(ConfigError, match="is the asset itself"):
-        export(run / "compress", run / "compress")
+        export(run / "asset", run / "asset")
 
 
 @pytest.mark.parametrize(

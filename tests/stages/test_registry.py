@@ -30,7 +30,7 @@ PLACES = {
     "plan": "plan/plan.json",
     "layers": "layers",
     "residuals": "residuals",
-    "asset": "compress",  # for all stages after it
+    "asset": "asset",  # for all stages after it
     "frames": "render",
 }
 NEEDS = {
@@ -102,7 +102,7 @@ def test_every_input_has_its_place(name: str) -> None:
     stages = load_stages()
     stage = next(each for each in stages if each.name == name)
     found = {key: source.path for key, source in sources(stage, stages).items()}
-    places = PLACES | ({"asset": "asset"} if name == "compress" else {})
+    places = PLACES | ({"asset": "assembled"} if name == "compress" else {})
     assert found == {key: places[key] for key in input_fields(stage) if key not in ("capture", "run", "seed")}
     assert needs(stage, stages) == NEEDS[name]
 
@@ -114,7 +114,7 @@ def test_a_registered_stage_stands_where_it_belongs(site: Path) -> None:
     stages = load_stages()
     assert [stage.name for stage in stages] == [*ORDER[:8], "shrink", *ORDER[8:]]
     assert {sources(stage, stages)["asset"].path for stage in stages[-2:]} == {"shrink/small"}
-    assert sources(stages[8], stages)["asset"].path == "compress"
+    assert sources(stages[8], stages)["asset"].path == "asset"
 
 
 def test_a_package_brings_a_stage(site: Path) -> None:

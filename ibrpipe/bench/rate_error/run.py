@@ -57,15 +57,15 @@ def run_rate_error(runs: Sequence[Path], most_views: int) -> RateErrorModel:
 
 
 def _curve(run: Path, most_views: int) -> RateCurve:
-    for part in ("asset/asset.json", "ingest/views.json", "geometry/mesh.ply"):
+    for part in ("assembled/asset.json", "ingest/views.json", "geometry/mesh.ply"):
         if not (run / part).is_file():
             raise MissingFileError(f"{run / part}: no such file; give the folder of a run that has got as far as asset")
     views, mesh = read_views(run / "ingest/views.json"), read_mesh(run / "geometry/mesh.ply")
     tested = _spread(held_out_views(views), most_views)
-    photos = bytes_of(run / "asset", views.train, run / "geometry/mesh.ply")["photos"]
+    photos = bytes_of(run / "assembled", views.train, run / "geometry/mesh.ply")["photos"]
     points = []
     with TemporaryDirectory(prefix="ibrpipe-") as scratch:
-        for series, label, folder in track(list(_codings(run / "asset", Path(scratch))), f"rate-error {run.name}"):
+        for series, label, folder in track(list(_codings(run / "assembled", Path(scratch))), f"rate-error {run.name}"):
             points.append(_measured(series, label, folder, tested, photos))
     caster = MeshCaster(mesh)
     shown = load_photos(views.train, caster)
