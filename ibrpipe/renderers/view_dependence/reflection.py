@@ -7,15 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from ibrpipe.core.reflection.directions import pad
 from ibrpipe.core.reflection.model import CHANNELS, predict
+from ibrpipe.core.reflection.picture import LEFT, SHADED, shade_free
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.view_dependence.component import Picture
-from ibrpipe.renderers.view_dependence.mirror import Looks, Surface, look, make_surface, meet_surface
+from ibrpipe.renderers.view_dependence.mirror import CLEAR, LIFT, Looks, Surface, look, make_surface, meet_surface
 from ibrpipe.types import Array, Camera, LayeredDepthImage, Texture
 from ibrpipe.types.reflection import ReflectedLight, Reflection
 
@@ -128,6 +130,22 @@ class Mirrors:
         parts = (self.surface.records, self.surface.corners, self.surface.normals, self.model.texels, self.model.tables)
         return sum(part.nbytes for part in parts) + self.surface.occupancy.bytes
 
+    def shade_free(self, picture: Picture) -> tuple[Array, int]:
+        """Shade pixels whose reflected rays meet nothing: (H, W) bool of those that are left, and how many are done."""
+        surface, model, camera = self.surface, self.model, picture.camera
+        view = np.concatenate([camera.world_from_pixel, camera.center[None]])
+        places = (surface.records, surface.corners, surface.poses, surface.normals, self.active)
+        lift, state = np.array([LIFT, CLEAR]) * surface.texel, np.empty(picture.depth.shape, np.uint8)
+        grid, lights = surface.occupancy.grid, (model.texels, self.padded, model.law)
+        seen = (picture.depth, picture.ids, picture.known)
+        shade_free(*seen, picture.color, view, places, lights, grid, surface.occupancy.always, lift, state)
+        return state == LEFT, int(np.count_nonzero(state == SHADED))
+
+    @cached_property
+    def padded(self) -> Array:
+        """The tables as kernels take them."""
+        return self.model.padded
+
 
 class ReflectionDrawer:
     """The kind "reflection" as the renderers draw it."""
@@ -155,15 +173,13 @@ class ReflectionDrawer:
     def add(self, tables: Tables, picture: Picture) -> Mapping[str, int]:
         """Put gloss over the diffuse colour; tell how many pixels were looked at."""
         mirrors = tables.of(picture.scene)
-        surface, patches = mirrors.surface, picture.ids.astype(np.int64)
-        hit = np.isfinite(picture.depth) & (picture.known > 0) & (patches < len(surface.records))
-        hit[hit] = mirrors.active[surface.records[patches[hit], 2]]
-        seen = look_through(surface, picture.camera, picture.depth, picture.ids, hit, mirrors.model.size)
-        light = shade_looks(surface, mirrors.model, seen)
+        left, shaded = mirrors.shade_free(picture)
+        seen = look_through(mirrors.surface, picture.camera, picture.depth, picture.ids, left, mirrors.model.size)
+        light = shade_looks(mirrors.surface, mirrors.model, seen)
         shown = np.isfinite(light[:, 0])
-        hit[hit] = shown
-        picture.color[hit] = light[shown]
-        return {"reflecting": int(shown.sum())}
+        left[left] = shown
+        picture.color[left] = light[shown]
+        return {"reflecting": shaded + int(shown.sum())}
 
 
 def _mirrors(tables: Tables, scene: Scene) -> Mirrors:

@@ -11,9 +11,11 @@ from kernel_runs import on_all_thread_counts
 import ibrpipe
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.ldi.progressive import render_progressive
-from ibrpipe.renderers.ldi.renderer import find_hits
+from ibrpipe.renderers.ldi.renderer import find_hits, shade_hits
 from ibrpipe.renderers.scene import prepare
+from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.renderers.view_dependence.mirror import LIFT, cast, look, make_surface, meet_surface
+from ibrpipe.renderers.view_dependence.occupancy import BITS
 from ibrpipe.types import ReflectedLight, Reflection
 
 SIDE, SKY = 40, 0.25
@@ -112,6 +114,46 @@ def test_places_without_patch_or_normal_mirror_nothing():
     assert np.isnan(seen.reflected[1:]).all()
     met, _ = meet_surface(surface, seen, 16)
     assert set(met) <= {0}
+
+
+def bowl():
+    """A painted bowl z = 0.6 r^2 over x and y from -1 to 1 that mirrors itself and a sky of two tables, in half."""
+    step, rng = 2 / SIDE, np.random.default_rng(2)
+    v, u = np.divmod(np.arange(SIDE * SIDE), SIDE)
+    x, y = (u + 0.5) * step - 1, (v + 0.5) * step - 1
+    normal = np.stack([-1.2 * x, -1.2 * y, np.ones_like(x)], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    paint = lambda points: 0.2 + 0.3 * np.abs(points[:, [0, 1, 0]])  # noqa: E731
+    flat = sheet((-1, -1, 2), (step, 0, 0), (0, step, 0), (0, 0, -1), paint)
+    layers = replace(flat, depth=2 - 0.6 * (x**2 + y**2), normal=normal)
+    light = ReflectedLight(rng.uniform(0, 1, (2, 16, 16, 3)), (0.05, 0.9), 0.9)
+    weights = rng.uniform(0, 1, (SIDE * SIDE, 2))
+    return ibrpipe.Asset((ibrpipe.Texture(layers, (Reflection(light, weights),)),))
+
+
+DOWN = ibrpipe.Camera.look_at((0.9, 0.4, 2.2), (0.0, 0.0, 0.3), width=64, height=48)
+
+
+@pytest.mark.parametrize(("asset", "camera"), [(room(), CAMERA), (bowl(), DOWN)], ids=["room", "bowl"])
+def test_the_pass_over_free_pixels_draws_what_the_full_search_draws(asset, camera):
+    scene = prepare(asset.textures)
+    (component,), hits = scene.components, find_hits(scene, camera)
+    mirrors = component.tables.of(scene)
+
+    def draw():
+        color, known = shade_hits(scene, hits, camera)
+        stats = component.add(Picture(scene, camera, color, hits.depth, hits.ids, known))
+        return color, np.array([stats["reflecting"]])
+
+    found = on_all_thread_counts(draw)
+    color, known = shade_hits(scene, hits, camera)
+    left, shaded = mirrors.shade_free(Picture(scene, camera, color, hits.depth, hits.ids, known))
+    assert min(left.sum(), shaded) > 100
+    cautious = replace(mirrors.surface.occupancy, always=2**BITS - 1)
+    component.tables.made[scene] = replace(mirrors, surface=replace(mirrors.surface, occupancy=cautious))
+    wanted = draw()
+    np.testing.assert_allclose(found[0], wanted[0], atol=1e-6)
+    assert found[1] == wanted[1] > 500
 
 
 def test_textures_of_different_assets_are_refused():
