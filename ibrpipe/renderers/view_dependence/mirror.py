@@ -140,5 +140,7 @@ def cast(surface: Surface, origins: Array, directions: Array) -> tuple[Array, Ar
     for number, sheet in enumerate(surface.sheets):
         pyramid = (sheet.nodes, sheet.meta, sheet.grid)
         chosen = np.flatnonzero(found & bit(number))
+        if len(chosen) == 0:
+            continue
         search_rays(rays, chosen, matrix(sheet.pose), sheet.box, pyramid, sheet.leaves, sheet.base, t, patches)
     return t, patches

@@ -15,6 +15,7 @@ from ibrpipe.core.reflection.directions import pad
 from ibrpipe.core.reflection.model import CHANNELS, predict
 from ibrpipe.core.reflection.picture import LEFT, SHADED, shade_free
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers.frames import limited_threads
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.renderers.view_dependence.mirror import CLEAR, LIFT, Looks, Surface, look, make_surface, meet_surface
@@ -23,6 +24,8 @@ from ibrpipe.types.reflection import ReflectedLight, Reflection
 
 #: mirrored light of the object itself is cut here
 BRIGHTEST = 1.5
+#: pixels whose rays are followed on one thread: waiting for others costs more
+FEW = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,8 +177,9 @@ class ReflectionDrawer:
         """Put gloss over the diffuse colour; tell how many pixels were looked at."""
         mirrors = tables.of(picture.scene)
         left, shaded = mirrors.shade_free(picture)
-        seen = look_through(mirrors.surface, picture.camera, picture.depth, picture.ids, left, mirrors.model.size)
-        light = shade_looks(mirrors.surface, mirrors.model, seen)
+        with limited_threads(0 if np.count_nonzero(left) > FEW else 1):
+            seen = look_through(mirrors.surface, picture.camera, picture.depth, picture.ids, left, mirrors.model.size)
+            light = shade_looks(mirrors.surface, mirrors.model, seen)
         shown = np.isfinite(light[:, 0])
         left[left] = shown
         picture.color[left] = light[shown]
