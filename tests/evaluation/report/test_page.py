@@ -99,6 +99,24 @@ def test_several_kinds_of_view_dependence_have_a_bar_each():
     assert "of these tint" in render_page(two, [], ReportSources("a", 3, 1, (4, 3)))
 
 
+def test_rungs_of_the_plan_are_told_with_what_was_measured_of_each():
+    rungs = (
+        {
+            "what": "rung 2: shared reflection",
+            "choice": "taken",
+            "reason": "r2",
+            "measured": {"psnr": 30.061, "bytes": 690_000},
+        },
+        {"what": "rung 3: images per direction", "choice": "dropped", "reason": "r3", "measured": {"textures": 0}},
+    )
+    page = render_page(metrics(), [], ReportSources("a", 3, 1, (4, 3), reasons=rungs))
+    rows = [row for row in page.split("<tr>") if "shared reflection" in row or "images per direction" in row]
+    assert "30.06" in rows[0]
+    assert "690 kB" in rows[0]
+    assert "dropped" in rows[1]
+    assert "kB" not in rows[1]
+
+
 def test_the_page_escapes_what_it_is_told():
     page = render_page(metrics(), [], ReportSources("<b>&", 3, 1, (4, 3)))
     assert "<b>&" not in page.replace("<b>all</b>", "")
