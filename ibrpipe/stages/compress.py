@@ -20,7 +20,7 @@ from ibrpipe.io.manifest import files_below
 from ibrpipe.io.recoding import finish, losses, recode, texture_bytes
 from ibrpipe.io.views import View, read_views
 from ibrpipe.modelling.compression.document import Compression, Trial
-from ibrpipe.modelling.compression.steps import NORMALS, STEPS, Step, coarsest, finest, keep_normals
+from ibrpipe.modelling.compression.steps import NORMALS, STEPS, CodingStep, coarsest, finest, keep_normals
 from ibrpipe.types import Asset
 
 #: bytes of a megabyte
@@ -95,7 +95,7 @@ class _Coder:
     out: Path
     trials: list[Trial] = field(default_factory=list)
 
-    def coded(self, step: Step) -> tuple[AssetIndex, Asset]:
+    def coded(self, step: CodingStep) -> tuple[AssetIndex, Asset]:
         """Write the asset into `out`, where nothing else remains, and read it."""
         for path in self.out.iterdir():
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -103,7 +103,7 @@ class _Coder:
         finish(index, self.out, [{}] * len(index.textures))
         return index, read_asset(self.out)
 
-    def tried(self, step: Step, photos: bool) -> Trial:
+    def tried(self, step: CodingStep, photos: bool) -> Trial:
         """Code the asset and measure it, the photos too if asked for."""
         _, asset = self.coded(step)
         trial = Trial(
@@ -115,10 +115,10 @@ class _Coder:
         self.trials.append(trial)
         return trial
 
-    def settled(self, step: Step) -> Trial:
+    def settled(self, step: CodingStep) -> Trial:
         """Leave the asset coded in this step, measured on the photos; not once more where it was the last one tried."""
         last = self.trials[-1] if self.trials else None
-        if last is None or Step(last.layers, last.component_quality) != step:
+        if last is None or CodingStep(last.layers, last.component_quality) != step:
             last = self.tried(step, photos=True)
             self.trials.pop()
         psnr = last.psnr if last.psnr is not None else _rounded(self.fit.psnr(read_asset(self.out)))
@@ -152,7 +152,7 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
     return Outputs.below(inputs.out)
 
 
-def _steps(coder: _Coder, config: CompressConfig, before: float | None) -> Sequence[Step]:
+def _steps(coder: _Coder, config: CompressConfig, before: float | None) -> Sequence[CodingStep]:
     """Return the steps to choose from; normals are had from depth only where the photos do not miss them."""
     if config.lossless or before is None:
         return STEPS[:1]
@@ -163,15 +163,17 @@ def _steps(coder: _Coder, config: CompressConfig, before: float | None) -> Seque
     return STEPS if lost <= _NORMALS_DB else [keep_normals(step) for step in STEPS]
 
 
-def _settled(step: Step, config: CompressConfig) -> Step:
+def _settled(step: CodingStep, config: CompressConfig) -> CodingStep:
     """Return a step with what the settings leave no choice about."""
     if config.lossless:
         return step
     given = {name: getattr(config, name) for name in _LAYERS if getattr(config, name) is not None}
-    return Step(step.layers.model_copy(update=given), config.component_quality or step.components)
+    return CodingStep(step.layers.model_copy(update=given), config.component_quality or step.components)
 
 
-def _choose(coder: _Coder, steps: Sequence[Step], config: CompressConfig, before: float | None) -> tuple[int, str]:
+def _choose(
+    coder: _Coder, steps: Sequence[CodingStep], config: CompressConfig, before: float | None
+) -> tuple[int, str]:
     """Return the place of the step to take, and why."""
     if config.lossless:
         return 0, "every bit of the layers is kept, view dependence as it was"

@@ -27,7 +27,7 @@ from ibrpipe.io.manifest import files_below
 from ibrpipe.io.recoding import finish, recode
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import View, read_views
-from ibrpipe.modelling.compression.steps import STEPS, Step
+from ibrpipe.modelling.compression.steps import STEPS, CodingStep
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.types import Asset, Camera, Frame, Texture
@@ -79,17 +79,17 @@ def _curve(run: Path, most_views: int) -> RateCurve:
 def _codings(source: Path, scratch: Path) -> Iterator[tuple[str, str, Path]]:
     """Write the asset in every coding; yield series, label and folder."""
     index, asset = read_index(source), read_asset(source)
-    yield "raw", "deep OpenEXR", _written(source, index, asset, scratch / "raw", Step(Coding()), raw=True)
+    yield "raw", "deep OpenEXR", _written(source, index, asset, scratch / "raw", CodingStep(Coding()), raw=True)
     whole = STEPS if asset.kinds else ()
     for n, step in enumerate(whole):
         yield "whole", _words(step), _written(source, index, asset, scratch / f"whole_{n}", step)
     bare_index, bare = _bare(index, asset)
     kept = dict.fromkeys(step.layers for step in STEPS)
     for n, layers in enumerate(kept):
-        step = Step(layers)
+        step = CodingStep(layers)
         yield "diffuse", _words(step), _written(source, bare_index, bare, scratch / f"diffuse_{n}", step)
     for n, (label, layers) in enumerate(paper_codings(asset).items()):
-        yield "paper", label, _written(source, index, asset, scratch / f"paper_{n}", Step(layers))
+        yield "paper", label, _written(source, index, asset, scratch / f"paper_{n}", CodingStep(layers))
 
 
 def paper_codings(asset: Asset) -> dict[str, Coding]:
@@ -113,7 +113,7 @@ def _bare(index: AssetIndex, asset: Asset) -> tuple[AssetIndex, Asset]:
     return index.model_copy(update={"textures": entries, "shared": []}), Asset(textures, asset.info)
 
 
-def _written(source: Path, index: AssetIndex, asset: Asset, out: Path, step: Step, raw: bool = False) -> Path:
+def _written(source: Path, index: AssetIndex, asset: Asset, out: Path, step: CodingStep, raw: bool = False) -> Path:
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
     fresh = recode(source, index, asset, out, None if raw else step.layers, step.components)
@@ -121,7 +121,7 @@ def _written(source: Path, index: AssetIndex, asset: Asset, out: Path, step: Ste
     return out
 
 
-def _words(step: Step) -> str:
+def _words(step: CodingStep) -> str:
     said = [f"{name.replace('_', ' ')} {value:g}" for name, value in step.layers.model_dump().items()]
     said += [] if step.components is None else [f"components {step.components}"]
     return ", ".join(said) or "lossless"

@@ -12,7 +12,7 @@ _KEPT_BITS = 8
 
 
 @dataclass(frozen=True)
-class Step:
+class CodingStep:
     """One way to code an asset.
 
     Attributes
@@ -31,14 +31,14 @@ class Step:
 _TOLERANCE = 15.0
 
 
-def _step(color: int | None, depth: float, bits: int, components: int | None = None) -> Step:
+def _step(color: int | None, depth: float, bits: int, components: int | None = None) -> CodingStep:
     coding = Coding(color_quality=color, depth_step=depth, normal_bits=bits, normal_tolerance=_TOLERANCE)
-    return Step(coding, components)
+    return CodingStep(coding, components)
 
 
 #: from exact to coarse; the components' pictures cost most and pay least, so they are coarsened before the colours
 STEPS = (
-    Step(LOSSLESS),
+    CodingStep(LOSSLESS),
     _step(None, 1 / 16, 8),
     _step(99, 1 / 8, 7),
     _step(98, 1 / 4, 6),
@@ -56,14 +56,16 @@ STEPS = (
 
 
 #: normals alone had from depth: what that costs says whether it may be done
-NORMALS = Step(Coding(normal_bits=8, normal_tolerance=_TOLERANCE))
+NORMALS = CodingStep(Coding(normal_bits=8, normal_tolerance=_TOLERANCE))
 
 
-def keep_normals(step: Step) -> Step:
+def keep_normals(step: CodingStep) -> CodingStep:
     """Return the step with normals of their own where it has them from depth."""
     if step.layers.normal_tolerance is None:
         return step
-    return Step(step.layers.model_copy(update={"normal_tolerance": None, "normal_bits": _KEPT_BITS}), step.components)
+    return CodingStep(
+        step.layers.model_copy(update={"normal_tolerance": None, "normal_bits": _KEPT_BITS}), step.components
+    )
 
 
 def coarsest(count: int, kept: Callable[[int], bool]) -> int | None:

@@ -37,7 +37,7 @@ def run(measured, tmp_path_factory: pytest.TempPathFactory) -> Path:
     textures = [
         Texture(read_layers(folder / f"layers/texture_{i:02d}/layers.exr")) for i in range(len(read_plan(planned)))
     ]
-    write_asset(Asset(tuple(textures)), folder / "asset")
+    write_asset(Asset(tuple(textures)), folder / "assembled")
     return folder
 
 
