@@ -96,7 +96,9 @@ def colours(place: Path, mesh: Mesh, out: Path) -> dict[str, float]:
         plan.Inputs(place, out / "mesh.ply", 0, out), plan.PlanConfig(residuals="never", samples=2000, texel=0.025)
     )
     built = layers.run(layers.Inputs(place, out / "mesh.ply", planned.plan, out), layers.LayersConfig(sharpen=0))
-    textures = [SpiralTexture(read_layers(each / "layers.exr"), None) for each in built.textures]
+    textures = [
+        SpiralTexture(read_layers(each / "layers.exr"), None) for each in sorted(built.layers.glob("texture_*"))
+    ]
     right, total = dict.fromkeys(("red", "blue"), 0), dict.fromkeys(("red", "blue"), 0)
     for view in read_views(place).train[::3]:
         photo, mask = load_view(view)
