@@ -8,8 +8,11 @@ light with Rec.709 primaries; rays and poses are float64, stored arrays float32;
 from ibrpipe.types.arrays import Array
 from ibrpipe.types.asset import Asset, Frame
 from ibrpipe.types.camera import Camera, ParallelFrame
+from ibrpipe.types.lighting import Light, Lighting
 from ibrpipe.types.mesh import Mesh
+from ibrpipe.types.parts import Instances, PaintedMesh, Part
 from ibrpipe.types.reflection import ReflectedLight, Reflection
+from ibrpipe.types.scene import Scene
 from ibrpipe.types.texture import SpiralTexture, Texture
 from ibrpipe.types.textures import DepthImage, LayeredDepthImage, ReliefTexture
 from ibrpipe.types.view_dependence import SpiralResiduals, ViewDependence
@@ -20,12 +23,18 @@ __all__ = [
     "Camera",
     "DepthImage",
     "Frame",
+    "Instances",
     "LayeredDepthImage",
+    "Light",
+    "Lighting",
     "Mesh",
+    "PaintedMesh",
     "ParallelFrame",
+    "Part",
     "ReflectedLight",
     "Reflection",
     "ReliefTexture",
+    "Scene",
     "SpiralResiduals",
     "SpiralTexture",
     "Texture",

@@ -1,0 +1,1 @@
+"""Seeded scenes of many copies: trees and forests, a city, solid walls."""
