@@ -9,7 +9,7 @@ from ibrpipe.core.jit import kernel
 
 
 def weld(vertices):
-    """(V,) i64: one number for all vertices at the same place (texture seams split vertices that are one point)."""
+    """(V,) i64: one number for all vertices at the same position (texture seams split vertices that are one point)."""
     _, number = np.unique(vertices, axis=0, return_inverse=True)
     return number.reshape(-1)
 

@@ -42,16 +42,16 @@ def clip_box(start, x, y, n, q, box, far):
 
 
 @inlined
-def patch_quadratic(start, way, i, j, corners, near):
-    # start, way (x, y, n, q): a ray at t = 0 and per t; corners (a, b, c, e) depths of cell (i, j) at (0, 0), (1, 0),
-    # (0, 1), (1, 1) -> (A, B, C): the ray meets the bilinear patch at t = near + s where A s^2 + B s + C = 0; then its
-    # homogeneous place in the cell (u, v, q) at s = 0 and (du, dv, dq) per s
+def patch_quadratic(start, direction, i, j, corners, near):
+    # start, direction (x, y, n, q): a ray at t = 0 and per t; corners (a, b, c, e) depths of cell (i, j) at (0, 0),
+    # (1, 0), (0, 1), (1, 1) -> (A, B, C): the ray meets the bilinear patch at t = near + s where A s^2 + B s + C = 0;
+    # then its homogeneous position in the cell (u, v, q) at s = 0 and (du, dv, dq) per s
     a, b, c, e = corners
-    dq = way[3]
-    du = way[0] - i * dq
-    dv = way[1] - j * dq
+    dq = direction[3]
+    du = direction[0] - i * dq
+    dv = direction[1] - j * dq
     along_u, along_v, twist = b - a, c - a, a - b - c + e
-    dl = way[2] - a * dq - along_u * du - along_v * dv
+    dl = direction[2] - a * dq - along_u * du - along_v * dv
     su, sv = start[0] - i * start[3], start[1] - j * start[3]
     u, v, q = su + near * du, sv + near * dv, start[3] + near * dq
     height = start[2] - a * start[3] - along_u * su - along_v * sv + near * dl

@@ -40,22 +40,22 @@ class Times:
 def interleave(
     draws: Mapping[str, Draw], repeats: int, seconds: float = math.inf, least: int = 2, warm: bool = True
 ) -> dict[str, Times]:
-    """Time all of `draws` in turns, so that a slow moment of the machine meets all of them.
+    """Time all of `draws` in rounds, so that a slow moment of the machine meets all of them.
 
-    In each turn everyone draws twice and the second frame counts: its threads are awake and its data warm, whatever ran
-    before.
+    In each round everyone draws twice and the second frame counts: its threads are awake and its data warm,
+    whatever ran before.
 
     Parameters
     ----------
     draws : mapping of name to callable
     repeats : int
-        Turns.
+        Rounds.
     seconds : float
-        Of all timing together; who has used up an equal share leaves its further turns out.
+        Of all timing together; who has used up an equal share leaves its further rounds out.
     least : int
-        Turns that everyone takes in any case.
+        Rounds that everyone takes in any case.
     warm : bool
-        Everyone draws once before the first turn.
+        Everyone draws once before the first round.
     """
     share = seconds / max(1, len(draws))
     taken: dict[str, list[float]] = {name: [] for name in draws}

@@ -143,7 +143,7 @@ def _measure(
 
 def _colors(source: ReliefMesh, hits: oracle.Hits) -> Array:
     picture = np.ones((1, 1, 3)) if source.color is None else source.color.astype(np.float64)
-    return oracle.read(picture, source.edges == "wrap", hits.place[..., 0], hits.place[..., 1])
+    return oracle.read(picture, source.edges == "wrap", hits.position[..., 0], hits.position[..., 1])
 
 
 def _from_meant(posed: PosedMesh, hits: oracle.Hits, got: Array) -> Array:
@@ -154,11 +154,13 @@ def _from_meant(posed: PosedMesh, hits: oracle.Hits, got: Array) -> Array:
 def _off(posed: PosedMesh, hits: oracle.Hits, depth: Array, front: Array) -> Array:
     """(H, W) texels from the rays' points at `depth` to a front (h, w), along it; NaN where the front is not hit."""
     wraps = posed.source.edges == "wrap"
-    at = oracle.read(oracle.relief_of(posed.source).front[..., None], wraps, hits.place[..., 0], hits.place[..., 1])
+    at = oracle.read(
+        oracle.relief_of(posed.source).front[..., None], wraps, hits.position[..., 0], hits.position[..., 1]
+    )
     with np.errstate(invalid="ignore"):
-        u, v, z = np.moveaxis(hits.place + (depth - hits.truth.depth)[..., None] * hits.rate, -1, 0)
+        u, v, z = np.moveaxis(hits.position + (depth - hits.truth.depth)[..., None] * hits.rate, -1, 0)
         off = np.abs(z - oracle.read(front.reshape(*posed.source.height.shape, 1), wraps, u, v)[..., 0])
-        on_front = np.abs(hits.place[..., 2] - at[..., 0]) < 1e-9
+        on_front = np.abs(hits.position[..., 2] - at[..., 0]) < 1e-9
     return np.where(on_front, off * posed.source.thickness / hits.texel, np.nan)
 
 

@@ -125,10 +125,10 @@ def _cast_one(
     t, which = np.full(len(pixels), np.inf), np.full(len(pixels), -1)
     if not len(surface.corners) or not len(pixels):
         return t, which
-    start, turn = surface.rays(camera)
+    start, Q_of = surface.rays(camera)
     rule = (surface.front, split, near, surface.grain, surface.perspective, slack)
     if brute if brute is not None else len(pixels) * len(surface.corners) <= BRUTE:
-        kernels.cast_all(start, turn, pixels, surface.cells, surface.corners, surface.masks, rule, t, which)
+        kernels.cast_all(start, Q_of, pixels, surface.cells, surface.corners, surface.masks, rule, t, which)
     else:
         ranges = np.stack([surface.corners.min(axis=1), surface.corners.max(axis=1)], axis=1)
         low, high = ranges[:, 0].min(), ranges[:, 1].max()
@@ -136,7 +136,7 @@ def _cast_one(
         high = min(high + pad, -1e-300) if surface.perspective else high + pad
         box = np.array([surface.shape[1], surface.shape[0], low - pad, high])
         walked = (surface.starts, ranges, surface.corners, surface.masks)
-        kernels.cast_walks(start, turn, pixels, box, walked, rule, t, which)
+        kernels.cast_walks(start, Q_of, pixels, box, walked, rule, t, which)
     return t, which
 
 
@@ -149,13 +149,13 @@ def colors_at(
     """
     depth, patch, owner = hits
     out = np.zeros((len(pixels), 3))
-    ways = np.column_stack([pixels, np.ones(len(pixels))])
+    rays = np.column_stack([pixels, np.ones(len(pixels))])
     for number, surface in enumerate(surfaces):
         chosen = np.flatnonzero(owner == number)
         if not len(chosen):
             continue
-        start, turn = surface.rays(camera)
-        x, y, _, q = start[:, None] + depth[chosen] * (turn @ ways[chosen].T)
+        start, Q_of = surface.rays(camera)
+        x, y, _, q = start[:, None] + depth[chosen] * (Q_of @ rays[chosen].T)
         cells, samples = surface.cells[patch[chosen]], surface.samples[patch[chosen]]
         u, v = np.clip(x / q - cells[:, 0], 0, 1), np.clip(y / q - cells[:, 1], 0, 1)
         weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], axis=1) * (samples >= 0)

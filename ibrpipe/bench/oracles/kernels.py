@@ -4,7 +4,7 @@ Nothing of the renderers' kernels is used. Symbols: ray (x, y, n, q)(t) in homog
 v = y/q, d = n/q), t the depth along camera z; a hit is a root of ``d - bilinear(u, v)``, multiplied out by q twice; the
 quadratic is written around the ray's point nearest to the cell, so that far eyes cost no digits.
 
-Packed arguments: ``place`` and ``way`` (x, y, n, q) of a ray at t = 0 and per t, in the coordinates of one cell;
+Packed arguments: ``position`` and ``direction`` (x, y, n, q) of a ray at t = 0 and per t, in one cell's coordinates;
 ``corners`` (a, b, c, e) depths at (0, 0), (1, 0), (0, 1), (1, 1); ``rule`` (front, split, near, grain, perspective,
 slack): do only hits from the front count, are cells two triangles, least t, depth of one texel (a share of the depth in
 perspective frames), is the frame perspective, by how much borders are moved outward; ``surface`` (starts, ranges,
@@ -23,7 +23,7 @@ from ibrpipe.core.jit import kernel, ordered
 
 @ordered
 def counts_at(p, q, mask, slack):
-    # does place (p, q) of a cell lie in a quadrant that counts, borders moved outward by `slack`
+    # does position (p, q) of a cell lie in a quadrant that counts, borders moved outward by `slack`
     for corner in range(4):
         if mask & (1 << corner):
             left, top = 0.5 * (corner & 1), 0.5 * (corner >> 1)
@@ -33,10 +33,10 @@ def counts_at(p, q, mask, slack):
 
 
 @ordered
-def nearest_point(place, way, d, grain):
+def nearest_point(position, direction, d, grain):
     # parameter of the ray's point nearest to the cell's middle (0.5, 0.5, d); grain: depth of one texel
-    x, y, n, w = place
-    dx, dy, dn, dw = way
+    x, y, n, w = position
+    dx, dy, dn, dw = direction
     bx, by, bn = x - 0.5 * w, y - 0.5 * w, (n - d * w) / grain
     ax, ay, an = dx - 0.5 * dw, dy - 0.5 * dw, (dn - d * dw) / grain
     square = ax * ax + ay * ay + an * an
@@ -44,10 +44,10 @@ def nearest_point(place, way, d, grain):
 
 
 @ordered
-def triangle_root(place, way, corners, lower, near, slack):
+def triangle_root(position, direction, corners, lower, near, slack):
     # root over one half of a cell split along the diagonal (0, 0)-(1, 1): upper p >= q, lower p <= q
-    x, y, n, w = place
-    dx, dy, dn, dw = way
+    x, y, n, w = position
+    dx, dy, dn, dw = direction
     a, b, c, e = corners
     gu, gv = (e - c, c - a) if lower else (b - a, e - b)
     slope = dn - a * dw - gu * dx - gv * dy
@@ -61,10 +61,10 @@ def triangle_root(place, way, corners, lower, near, slack):
 
 
 @ordered
-def patch_root(place, way, corners, mask, front, near, slack):
+def patch_root(position, direction, corners, mask, front, near, slack):
     # nearest root over a bilinear patch, or inf
-    x, y, n, w = place
-    dx, dy, dn, dw = way
+    x, y, n, w = position
+    dx, dy, dn, dw = direction
     a, b, c, e = corners
     k = a - b - c + e
     A = dn * dw - a * dw * dw + (a - b) * dx * dw + (a - c) * dy * dw - k * dx * dy
@@ -99,23 +99,23 @@ def meet(start, ray, column, row, depths, mask, rule):
     x, y = start[0] - column * start[3], start[1] - row * start[3]
     dx, dy = ray[0] - column * ray[3], ray[1] - row * ray[3]
     scale = grain * abs(d) if perspective else grain
-    way = (dx, dy, ray[2], ray[3])
-    t = nearest_point((x, y, start[2], start[3]), way, d, scale)
-    place = (x + t * dx, y + t * dy, start[2] + t * ray[2], start[3] + t * ray[3])
+    direction = (dx, dy, ray[2], ray[3])
+    t = nearest_point((x, y, start[2], start[3]), direction, d, scale)
+    position = (x + t * dx, y + t * dy, start[2] + t * ray[2], start[3] + t * ray[3])
     if split:
-        upper = triangle_root(place, way, corners, False, near - t, slack)
-        lower = triangle_root(place, way, corners, True, near - t, slack)
+        upper = triangle_root(position, direction, corners, False, near - t, slack)
+        lower = triangle_root(position, direction, corners, True, near - t, slack)
         return t + min(upper, lower)
-    return t + patch_root(place, way, corners, mask, front, near - t, slack)
+    return t + patch_root(position, direction, corners, mask, front, near - t, slack)
 
 
 @kernel
-def cast_all(start, turn, pixels, cells, corners, masks, rule, out_t, out_patch):
+def cast_all(start, Q_of, pixels, cells, corners, masks, rule, out_t, out_patch):
     # brute force: every patch for every ray; pixels (N, 2) f64 -> out_t (N,) f64, inf = none; out_patch (N,) i64
     for i in prange(len(pixels)):
         ray = np.empty(4)
         for k in range(4):
-            ray[k] = turn[k, 0] * pixels[i, 0] + turn[k, 1] * pixels[i, 1] + turn[k, 2]
+            ray[k] = Q_of[k, 0] * pixels[i, 0] + Q_of[k, 1] * pixels[i, 1] + Q_of[k, 2]
         best, which = np.inf, -1
         for patch in range(len(corners)):
             t = meet(start, ray, cells[patch, 0], cells[patch, 1], corners[patch], masks[patch], rule)
@@ -191,12 +191,12 @@ def walk(start, ray, box, surface, rule):
 
 
 @kernel
-def cast_walks(start, turn, pixels, box, surface, rule, out_t, out_patch):
+def cast_walks(start, Q_of, pixels, box, surface, rule, out_t, out_patch):
     # as cast_all, for surfaces that are too large to try every patch for every ray
     for i in prange(len(pixels)):
         ray = np.empty(4)
         for k in range(4):
-            ray[k] = turn[k, 0] * pixels[i, 0] + turn[k, 1] * pixels[i, 1] + turn[k, 2]
+            ray[k] = Q_of[k, 0] * pixels[i, 0] + Q_of[k, 1] * pixels[i, 1] + Q_of[k, 2]
         out_t[i], out_patch[i] = walk(start, ray, box, surface, rule)
 
 

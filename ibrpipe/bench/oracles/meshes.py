@@ -60,14 +60,14 @@ class Hits:
     ----------
     truth : Truth
         `patch` is the number of the face or prism.
-    place, rate : (H, W, 3) float64
+    position, rate : (H, W, 3) float64
         Texture coordinates and depth (u, v, z) of the hit, and how they change per camera depth; NaN = nothing.
     texel : (H, W) float64
         Side of a texel of the relief there, scene units.
     """
 
     truth: Truth
-    place: Array
+    position: Array
     rate: Array
     texel: Array
 
@@ -80,16 +80,16 @@ def cast_relief(source: ReliefMesh, relief: Relief, camera: Camera, model: str) 
     """
     cast = partial(_cast, _flat_lines(source) if model == "flat" else _shell_lines(source))
     grid = pixel_centers(camera)
-    depth, face, place, rate = cast(relief, camera, grid)
+    depth, face, position, rate = cast(relief, camera, grid)
     overlap = [cast(relief, camera, grid, strict=True)[0]] if model == "shell" else []
-    moves = [(0.0, DOUBT * np.array(way)) for way in ((1, 0.7), (-1, -0.7))]
+    moves = [(0.0, DOUBT * np.array(direction)) for direction in ((1, 0.7), (-1, -0.7))]
     moves += [(DOUBT, np.zeros(2)), (-DOUBT, np.zeros(2))]
     found = np.stack([depth, *overlap, *(cast(relief.moved(move), camera, grid + shift)[0] for move, shift in moves)])
     shape = (camera.height, camera.width)
     parts = (depth, face, np.where(face < 0, -1, 0), found.min(axis=0), found.max(axis=0))
     truth = Truth(*(part.reshape(shape) for part in parts))
     texel = texel_sizes(source)[np.maximum(face, 0)].reshape(shape)
-    return Hits(truth, place.reshape(*shape, 3), rate.reshape(*shape, 3), texel)
+    return Hits(truth, position.reshape(*shape, 3), rate.reshape(*shape, 3), texel)
 
 
 def texel_sizes(source: ReliefMesh) -> Array:
@@ -103,73 +103,81 @@ def texel_sizes(source: ReliefMesh) -> Array:
 
 
 #: from the eye, the rays (P, 3) and the texels (2,) to what they may meet: number of the face; which rays (N,); depth
-#: at w = 0 and per w (N,); place (x, y texels, z) there and per w (N, 3); range of w (N,); whether the solid may begin
-#: where the range does (N,)
+#: at w = 0 and per w (N,); position (x, y texels, z) there and per w (N, 3); range of w (N,); whether the solid may
+#: begin where the range does (N,)
 Lines = Callable[[Array, Array, Array], Iterator[tuple[int, Array, Array, Array, Array, Array, Array, Array, Array]]]
 
 
 def _cast(
     lines: Lines, relief: Relief, camera: Camera, pixels: Array, strict: bool = False
 ) -> tuple[Array, Array, Array, Array]:
-    """Return depth, number of the face, place and its rate; `strict`: the solid begins only where it may."""
-    ways = np.column_stack([pixels, np.ones(len(pixels))]) @ camera.world_from_pixel.T
+    """Return depth, number of the face, position and its rate; `strict`: the solid begins only where it may."""
+    directions = np.column_stack([pixels, np.ones(len(pixels))]) @ camera.world_from_pixel.T
     depth, face = np.full(len(pixels), np.inf), np.full(len(pixels), -1)
-    place, rate = np.full((len(pixels), 3), np.nan), np.full((len(pixels), 3), np.nan)
+    position, rate = np.full((len(pixels), 3), np.nan), np.full((len(pixels), 3), np.nan)
     unit = np.array([*relief.size, 1.0])
-    for number, rays, at, per, start, way, begin, end, free in lines(camera.center, ways, relief.size):
+    for number, rays, at, per, start, direction, begin, end, free in lines(camera.center, directions, relief.size):
         first = begin
         if not relief.wraps:
             for axis in (0, 1):
-                begin, end = _clip(start[:, axis] + 0.5, way[:, axis], relief.size[axis], begin, end)
+                begin, end = _clip(start[:, axis] + 0.5, direction[:, axis], relief.size[axis], begin, end)
         w = np.full(len(rays), np.inf)
         some = begin <= end
-        w[some] = first_inside(relief, start[some], way[some], begin[some], end[some])
+        w[some] = first_inside(relief, start[some], direction[some], begin[some], end[some])
         if strict:
             late = np.flatnonzero(some & ~free & (begin == first) & (w == begin))
-            below = first_inside(relief.moved(BELOW), start[late], way[late], begin[late], begin[late])
+            below = first_inside(relief.moved(BELOW), start[late], direction[late], begin[late], begin[late])
             late = late[np.isfinite(below)]
-            w[late] = first_inside(relief, start[late], way[late], begin[late], end[late], entering=True)
-        w[~way.any(axis=1)] = 0.0  # faces without relief
+            w[late] = first_inside(relief, start[late], direction[late], begin[late], end[late], entering=True)
+        w[~direction.any(axis=1)] = 0.0  # faces without relief
         met = np.isfinite(w)
         t = np.where(met, at + per * np.where(met, w, 0.0), np.inf)
         nearer = t < depth[rays]
-        chosen, w, per, start, way = rays[nearer], w[nearer, None], per[nearer, None], start[nearer], way[nearer]
+        chosen, w, per, start, direction = (
+            rays[nearer],
+            w[nearer, None],
+            per[nearer, None],
+            start[nearer],
+            direction[nearer],
+        )
         depth[chosen], face[chosen] = t[nearer], number
-        place[chosen] = (start + w * way + (0.5, 0.5, 0.0)) / unit
-        rate[chosen] = way / per / unit
-    return depth, face, place, rate
+        position[chosen] = (start + w * direction + (0.5, 0.5, 0.0)) / unit
+        rate[chosen] = direction / per / unit
+    return depth, face, position, rate
 
 
-def _clip(at: Array, way: Array, size: float, begin: Array, end: Array) -> tuple[Array, Array]:
+def _clip(at: Array, direction: Array, size: float, begin: Array, end: Array) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
-        one, other = -at / way, (size - at) / way
-    still = way == 0.0
+        one, other = -at / direction, (size - at) / direction
+    still = direction == 0.0
     begin = np.where(still, begin, np.fmax(begin, np.fmin(one, other)))
     end = np.where(still, np.where((at >= 0) & (at <= size), end, -np.inf), np.fmin(end, np.fmax(one, other)))
     return begin, end
 
 
-def first_inside(relief: Relief, start: Array, way: Array, begin: Array, end: Array, entering: bool = False) -> Array:
-    """(N,) first w in [begin, end] at which ``start + w way`` (x, y texels, z) is inside (or comes in); inf = none."""
+def first_inside(
+    relief: Relief, start: Array, direction: Array, begin: Array, end: Array, entering: bool = False
+) -> Array:
+    """(N,) first w of [begin, end] where ``start + w direction`` (x, y texels, z) is inside or comes in; inf = none."""
     if not len(start):
         return np.zeros(0)
     cuts = [begin[:, None], end[:, None]]
     for axis in (0, 1):
-        ends = start[:, axis] + np.stack([begin, end]) * way[:, axis]
+        ends = start[:, axis] + np.stack([begin, end]) * direction[:, axis]
         low, high = ends.min(axis=0), ends.max(axis=0)
         first = np.ceil(low)
         count = int(np.max(np.floor(high) - first, initial=-1.0)) + 1
         lines = first[:, None] + np.arange(count)
         with np.errstate(divide="ignore", invalid="ignore"):
-            at = (lines - start[:, axis, None]) / way[:, axis, None]
+            at = (lines - start[:, axis, None]) / direction[:, axis, None]
         cuts.append(np.where(lines <= high[:, None], np.nan_to_num(at, nan=np.inf), np.inf))
     cut = np.sort(np.clip(np.concatenate(cuts, axis=1), begin[:, None], end[:, None]), axis=1)
     low, length = cut[:, :-1], np.diff(cut, axis=1)
-    middle = start[:, None, :2] + (low + 0.5 * length)[..., None] * way[:, None, :2]
+    middle = start[:, None, :2] + (low + 0.5 * length)[..., None] * direction[:, None, :2]
     cell = np.floor(middle).astype(np.int64)
-    at = start[:, None] + low[..., None] * way[:, None]
+    at = start[:, None] + low[..., None] * direction[:, None]
     p, q, z = at[..., 0] - cell[..., 0], at[..., 1] - cell[..., 1], at[..., 2]
-    steps = [way[:, None, k] for k in range(3)]
+    steps = [direction[:, None, k] for k in range(3)]
     gaps = [_gap(relief, relief.front, cell, p, q, z, steps, 1.0)]
     if relief.back is not None:
         gaps.append(_gap(relief, relief.back, cell, p, q, z, steps, -1.0))
@@ -187,7 +195,7 @@ def first_inside(relief: Relief, start: Array, way: Array, begin: Array, end: Ar
 
 
 def _gap(
-    relief: Relief, grid: Array, cell: Array, p: Array, q: Array, z: Array, way: list[Array], sign: float
+    relief: Relief, grid: Array, cell: Array, p: Array, q: Array, z: Array, direction: list[Array], sign: float
 ) -> tuple[Array, Array, Array]:
     """`sign` times (z minus the bilinear patch) along the rays, as A w^2 + B w + C."""
     rows, columns = grid.shape
@@ -201,8 +209,8 @@ def _gap(
             values.append(grid[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)])
     a, b, c, e = values
     along, across, twist = b - a, c - a, a - b - c + e
-    A = -twist * way[0] * way[1]
-    B = way[2] - (along * way[0] + across * way[1] + twist * (p * way[1] + q * way[0]))
+    A = -twist * direction[0] * direction[1]
+    B = direction[2] - (along * direction[0] + across * direction[1] + twist * (p * direction[1] + q * direction[0]))
     C = z - a - (along * p + across * q + twist * p * q)
     return sign * A, sign * B, sign * C
 
@@ -253,25 +261,25 @@ def _flat_lines(source: ReliefMesh) -> Lines:
     """The relief below each face, in the frame of its normal and texture axes averaged at the ray's own point."""
     axes = corner_axes(source)
 
-    def lines(eye: Array, ways: Array, size: Array) -> Iterator[tuple]:
+    def lines(eye: Array, directions: Array, size: Array) -> Iterator[tuple]:
         corners = source.mesh.vertices[source.mesh.faces] - eye
         volume = np.linalg.det(corners)
         for f in np.flatnonzero(volume < 0):
             p = corners[f]
-            edges = np.cross(np.roll(p, -1, axis=0), np.roll(p, -2, axis=0)) @ ways.T  # (3, P)
+            edges = np.cross(np.roll(p, -1, axis=0), np.roll(p, -2, axis=0)) @ directions.T  # (3, P)
             rays = np.flatnonzero((edges <= 0).all(axis=0) & (edges.sum(axis=0) < 0))
             if not len(rays):
                 continue
             total = edges[:, rays].sum(axis=0)
-            weights, w, t = (edges[:, rays] / total).T, ways[rays], volume[f] / total
+            weights, w, t = (edges[:, rays] / total).T, directions[rays], volume[f] / total
             frame, able = _frames(source, axes[f], p, weights, w)
             start = np.column_stack([(weights @ source.uv[f]) * size - 0.5, np.zeros(len(rays))])
-            way = np.zeros_like(start)
-            way[able] = np.linalg.solve(frame[able], w[able, :, None])[..., 0]
-            fall = np.where(able, way[:, 2], 1.0)
-            way = np.column_stack([way[:, :2] * size / fall[:, None], np.where(able, 1.0, 0.0)])
+            direction = np.zeros_like(start)
+            direction[able] = np.linalg.solve(frame[able], w[able, :, None])[..., 0]
+            fall = np.where(able, direction[:, 2], 1.0)
+            direction = np.column_stack([direction[:, :2] * size / fall[:, None], np.where(able, 1.0, 0.0)])
             free = np.ones(len(rays), bool)
-            yield f, rays, t, 1.0 / fall, start, way, np.zeros(len(rays)), np.where(able, 1.0, 0.0), free
+            yield f, rays, t, 1.0 / fall, start, direction, np.zeros(len(rays)), np.where(able, 1.0, 0.0), free
 
     return lines
 
@@ -302,7 +310,7 @@ def _shell_lines(source: ReliefMesh) -> Lines:
     ranks = np.argsort(first[same[faces]], axis=1)
     walls = _walls(same[faces], source.uv)
 
-    def lines(eye: Array, ways: Array, size: Array) -> Iterator[tuple]:
+    def lines(eye: Array, directions: Array, size: Array) -> Iterator[tuple]:
         for f, tetra in ((f, tetra) for f in range(len(faces)) for tetra in TETRAHEDRA):
             c, floor = ranks[f, [k for k, _ in tetra]], np.array([k for _, k in tetra], float)
             points = p[f, c] - eye - floor[:, None] * source.thickness * normals[f, c]
@@ -310,21 +318,21 @@ def _shell_lines(source: ReliefMesh) -> Lines:
             if np.linalg.matrix_rank(points[1:] - points[0]) < 3:
                 continue
             inverse = np.linalg.inv(matrix)
-            at, way = inverse[:, 3], ways @ inverse[:, :3].T
+            at, direction = inverse[:, 3], directions @ inverse[:, :3].T
             with np.errstate(divide="ignore", invalid="ignore"):
-                cut = -at / way
-            entries = np.where(way > 0, cut, 0.0)
+                cut = -at / direction
+            entries = np.where(direction > 0, cut, 0.0)
             begin = entries.max(axis=1, initial=0.0)
             free = np.array([_is_free(tetra, k, walls[f], ranks[f]) for k in range(4)])[entries.argmax(axis=1)]
-            end = np.where(way < 0, cut, np.inf).min(axis=1)
-            end = np.where(((way == 0) & (at < 0)).any(axis=1), -1.0, end)
+            end = np.where(direction < 0, cut, np.inf).min(axis=1)
+            end = np.where(((direction == 0) & (at < 0)).any(axis=1), -1.0, end)
             rays = np.flatnonzero(begin <= end)
             if len(rays):
                 texture = np.column_stack([source.uv[f, c] * size - 0.5, floor])
                 start = np.broadcast_to(at @ texture, (len(rays), 3))
                 none = np.zeros(len(rays))
                 free = free[rays] & (begin[rays] > 0)
-                yield f, rays, none, none + 1.0, start, way[rays] @ texture, begin[rays], end[rays], free
+                yield f, rays, none, none + 1.0, start, direction[rays] @ texture, begin[rays], end[rays], free
 
     return lines
 

@@ -86,7 +86,7 @@ class Surface:
         return replace(self, corners=self.corners + move) if steps else self
 
     def rays(self, camera: Camera) -> tuple[Array, Array]:
-        """Cell coordinates (x, y, n, q) of a pixel's ray are ``start (4,) + t * turn (4, 3) @ (px, py, 1)``."""
+        """Cell coordinates (x, y, n, q) of a pixel's ray are ``start (4,) + t * Q_of (4, 3) @ (px, py, 1)``."""
         return self.place(camera.center), self.turned(camera.world_from_pixel)
 
     def turned(self, directions: Array) -> Array:

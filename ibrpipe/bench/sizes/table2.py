@@ -59,10 +59,10 @@ def torus(steps: int = 96) -> Mesh:
 def globe(steps: int = 128) -> Mesh:
     """Return a ball of radius 1 with continents."""
     a, b = np.meshgrid(np.arange(2 * steps) * np.pi / steps, (np.arange(steps) + 0.5) * np.pi / steps, indexing="ij")
-    way = np.stack([np.sin(b) * np.cos(a), np.sin(b) * np.sin(a), np.cos(b)], axis=-1)
-    x, y, z = np.moveaxis(way, -1, 0)
+    direction = np.stack([np.sin(b) * np.cos(a), np.sin(b) * np.sin(a), np.cos(b)], axis=-1)
+    x, y, z = np.moveaxis(direction, -1, 0)
     land = np.sin(3 * x + 1) * np.sin(4 * y) + np.sin(5 * z + 2 * x) + 0.3 * np.sin(17 * x) * np.sin(19 * y + 3 * z)
-    vertices = way * (1.0 + 0.04 * np.maximum(land, 0.0))[..., None]
+    vertices = direction * (1.0 + 0.04 * np.maximum(land, 0.0))[..., None]
     return Mesh(vertices.reshape(-1, 3), _grid_faces(2 * steps, steps, closed=False))
 
 

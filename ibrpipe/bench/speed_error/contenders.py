@@ -132,10 +132,10 @@ def _embree(work: Workload) -> Ready | None:
 
     def frame(camera: Camera) -> Frame:
         depth = caster.cast_camera(camera).t
-        ways = camera.pixel_rays()
+        rays = camera.pixel_rays()
         there = np.isfinite(depth)
         color = np.zeros((*depth.shape, 3))
-        color[there] = _painted(work, camera.center + depth[there, None].astype(np.float64) * ways[there])
+        color[there] = _painted(work, camera.center + depth[there, None].astype(np.float64) * rays[there])
         return Frame(color.astype(np.float32), depth, there.astype(np.float32))
 
     held = work.mesh.vertices.nbytes // 2 + work.mesh.faces.nbytes
@@ -173,10 +173,10 @@ def _flat(work: Workload) -> Ready | None:
     taken = 1e3 * (perf_counter() - began)
 
     def aim(camera: Camera) -> tuple[Array, Array]:
-        ways = camera.pixel_rays()
+        rays = camera.pixel_rays()
         with np.errstate(divide="ignore", invalid="ignore"):
             start = source.frame.local_from_world @ (camera.center - source.frame.origin)
-            step = ways @ source.frame.local_from_world.T
+            step = rays @ source.frame.local_from_world.T
             depth = (level - start[2]) / step[..., 2]
             places = start[:2] + depth[..., None] * step[..., :2]
         rows, columns = source.height.shape

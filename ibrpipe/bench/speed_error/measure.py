@@ -104,17 +104,17 @@ def measure(
     assert frame.depth is not None
     got = frame.depth.astype(np.float64)
     nan = np.isnan(got) | _nan_color(frame)
-    way, texel = ray_lengths(camera), texel_sizes(surfaces, truth.depth, truth.owner, camera)
+    length, texel = ray_lengths(camera), texel_sizes(surfaces, truth.depth, truth.owner, camera)
     clear = truth.clear(DOUBTFUL * texel)
     with np.errstate(invalid="ignore"):
         beyond = np.fmax(truth.earliest - got, got - truth.latest)
-        beyond = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0) * way / texel, np.nan)
+        beyond = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0) * length / texel, np.nan)
     lost = np.isinf(got) & np.isfinite(truth.latest)
     extra = np.isfinite(got) & np.isinf(truth.earliest)
     both = np.isfinite(got) & np.isfinite(truth.earliest)
     astray = both & (beyond > ASTRAY)
     with np.errstate(invalid="ignore"):
-        texels = np.where(both & np.isfinite(truth.depth), np.abs(got - truth.depth) * way / texel, np.nan)
+        texels = np.where(both & np.isfinite(truth.depth), np.abs(got - truth.depth) * length / texel, np.nan)
     good = both & clear & ~astray
     shift, off = displacement(surfaces, truth.depth, truth.owner, camera, got, both & clear)
     codes = np.full(got.shape, np.nan)
@@ -128,7 +128,7 @@ def measure(
         lost=int(lost.sum()),
         extra=int(extra.sum()),
         astray=int(astray.sum()),
-        gross=_gross(got, truth, way, texel, camera),
+        gross=_gross(got, truth, length, texel, camera),
         nan=int(nan.sum()),
         **ends("texels", texels[both & clear]),
         **ends("shift", shift),
@@ -139,7 +139,7 @@ def measure(
     return errors, ErrorMaps(texels, lost | extra | astray | nan, clear, codes)
 
 
-def _gross(got: Array, truth: fields.Truth, way: Array, texel: Array, camera: Camera) -> int:
+def _gross(got: Array, truth: fields.Truth, length: Array, texel: Array, camera: Camera) -> int:
     """Count the pixels beyond the range of exact depths within a texel (or a pixel) around them."""
     from scipy.ndimage import maximum_filter, minimum_filter
 
@@ -152,7 +152,7 @@ def _gross(got: Array, truth: fields.Truth, way: Array, texel: Array, camera: Ca
     high = maximum_filter(truth.latest, size, mode="nearest")
     beyond = (np.isinf(got) & np.isfinite(high)) | (np.isfinite(got) & np.isinf(low)) | np.isnan(got)
     with np.errstate(invalid="ignore"):
-        astray = np.maximum(low - got, got - high) * way / texel > ASTRAY
+        astray = np.maximum(low - got, got - high) * length / texel > ASTRAY
     return int((beyond | (np.isfinite(got) & astray)).sum())
 
 
@@ -177,9 +177,9 @@ def texel_sizes(surfaces: Sequence[Surface], depth: Array, owner: Array, camera:
     for number, surface in enumerate(surfaces):
         here = owner == number
         if surface.perspective and here.any():
-            start, turn = surface.rays(camera)
-            ways = np.column_stack([fields.pixel_centers(camera), np.ones(out.size)])[here.ravel()]
-            out[here] = (start[3] + depth[here] * (ways @ turn[3])) * surface.grain
+            start, Q_of = surface.rays(camera)
+            rays = np.column_stack([fields.pixel_centers(camera), np.ones(out.size)])[here.ravel()]
+            out[here] = (start[3] + depth[here] * (rays @ Q_of[3])) * surface.grain
         else:
             out[here] = surface.texel
     return out
@@ -195,18 +195,18 @@ def displacement(
     Neither is more than the distance along the ray says: on cliffs that is the better measure.
     """
     shift, off = np.full(got.shape, np.nan), np.full(got.shape, np.nan)
-    ways = camera.pixel_rays(fields.pixel_centers(camera))
+    rays = camera.pixel_rays(fields.pixel_centers(camera))
     for number, surface in enumerate(surfaces):
         here = (chosen & (owner == number)).ravel()
         if not here.any():
             continue
-        points = camera.center + got.ravel()[here, None] * ways[here]
+        points = camera.center + got.ravel()[here, None] * rays[here]
         x, y, n, q = surface.place(points).T
         u, v, d = x / q, y / q, n / q
         value = np.empty(len(u))
         rows, columns = surface.shape
         kernels.values_at(u, v, d, surface.starts, columns, rows, surface.corners, surface.masks, value)
-        along = np.abs(got.ravel()[here] - depth.ravel()[here]) * np.linalg.norm(ways[here], axis=1)
+        along = np.abs(got.ravel()[here] - depth.ravel()[here]) * np.linalg.norm(rays[here], axis=1)
         texel = texel_sizes(surfaces, depth, owner, camera).ravel()[here]
         away = np.abs(d - value) / (surface.grain * (np.abs(value) if surface.perspective else 1.0))
         off.ravel()[here] = np.fmin(away, along / texel)

@@ -82,11 +82,11 @@ class Workload:
         if self.kind == "height field":
             hits = fields.cast(self.surfaces, camera, points, brute=False)
             return fields.colors_at(self.surfaces, camera, points, hits)[0]
-        ways = camera.pixel_rays(points)
-        t = self.caster.cast(camera.center, ways).t.astype(np.float64)
+        rays = camera.pixel_rays(points)
+        t = self.caster.cast(camera.center, rays).t.astype(np.float64)
         there = np.isfinite(t)
         out = np.zeros((len(points), 3))
-        out[there] = paint((camera.center + t[there, None] * ways[there]) / self.size)
+        out[there] = paint((camera.center + t[there, None] * rays[there]) / self.size)
         return out
 
 

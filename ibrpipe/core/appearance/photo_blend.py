@@ -157,8 +157,8 @@ def blend_photos(points, normals, directions, photos, cos_min, slack, out_color,
         weights = np.empty(4)
         for i in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
             point, normal = (points[i, 0], points[i, 1], points[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
-            way = directions[i, 0], directions[i, 1], directions[i, 2]
-            found = best_photos(point, normal, way, views, cos_min, slack, dots, chosen, corners, best)
+            direction = directions[i, 0], directions[i, 1], directions[i, 2]
+            found = best_photos(point, normal, direction, views, cos_min, slack, dots, chosen, corners, best)
             out_count[i] = found
             if found == 0:
                 out_color[i] = np.nan

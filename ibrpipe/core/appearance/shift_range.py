@@ -41,8 +41,8 @@ def range_around(picture, rows, columns, radius, out_low, out_high):
         for c in range(3):
             own = picture[rows[i], columns[i], c]
             low, high = own, own
-            for turn in range(8 if radius > 0.0 else 0):
-                angle = turn * math.pi / 4.0
+            for octant in range(8 if radius > 0.0 else 0):
+                angle = octant * math.pi / 4.0
                 down, right = radius * math.sin(angle), radius * math.cos(angle)
                 value = colour_beside(picture, rows[i], columns[i], down, right, c)
                 if value < low:

@@ -10,13 +10,13 @@ import numpy as np
 
 from ibrpipe.core.jit import helper, serial
 
-#: ways to foretell where three neighbours are there
+#: predictors where three neighbours are there
 PLANE, MEDIAN = 0, 1
 
 
 @helper
-def foretold(values, there, i, j, last, way):
-    # values (H, W) i64; there (H, W) bool; last: what was met last; way: PLANE, or MEDIAN of left, upper and plane
+def foretold(values, there, i, j, last, predictor):
+    # values (H, W) i64; there (H, W) bool; last: what was met last; predictor: PLANE or MEDIAN of left, upper and plane
     left = j > 0 and there[i, j - 1]
     upper = i > 0 and there[i - 1, j]
     if left and upper:
@@ -24,7 +24,7 @@ def foretold(values, there, i, j, last, way):
         if not there[i - 1, j - 1]:
             return (a + b) >> 1
         plane = a + b - values[i - 1, j - 1]
-        return plane if way == PLANE else max(min(a, b), min(max(a, b), plane))
+        return plane if predictor == PLANE else max(min(a, b), min(max(a, b), plane))
     if left:
         return values[i, j - 1]
     if upper:
@@ -35,26 +35,26 @@ def foretold(values, there, i, j, last, way):
 
 
 @serial
-def take_differences(values, there, way, out_folded):
+def take_differences(values, there, predictor, out_folded):
     # values (H, W) i64, below 2^40 in size; out_folded (S,) u64: 0, -1, 1, -2 … as 0, 1, 2, 3 …
     n, last = 0, np.int64(0)
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             if there[i, j]:
-                rest = values[i, j] - foretold(values, there, i, j, last, way)
+                rest = values[i, j] - foretold(values, there, i, j, last, predictor)
                 out_folded[n] = np.uint64((rest << 1) ^ (rest >> 63))
                 last = values[i, j]
                 n += 1
 
 
 @serial
-def add_differences(folded, there, way, out_values):
+def add_differences(folded, there, predictor, out_values):
     # folded (S,) u64 as `take_differences` wrote, S = texels that are there; out_values (H, W) i64
     n, last = 0, np.int64(0)
     for i in range(there.shape[0]):
         for j in range(there.shape[1]):
             if there[i, j]:
                 rest = np.int64(folded[n] >> np.uint64(1)) ^ -np.int64(folded[n] & np.uint64(1))
-                last = foretold(out_values, there, i, j, last, way) + rest
+                last = foretold(out_values, there, i, j, last, predictor) + rest
                 out_values[i, j] = last
                 n += 1

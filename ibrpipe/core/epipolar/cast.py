@@ -2,12 +2,12 @@
 
 Rays of a tile of pixels are walked together in float32 up to the cells where they may be hit
 (:mod:`ibrpipe.core.epipolar.cells`), and are met there in float64: along a ray the height above a bilinear patch is a
-quadratic. Rays that are not hit there after all, and those still on their way after some cells, are walked on one by
-one in float64, over blocks of cells that they pass; there the ends of a cell's way are shared with the next cell, so
-that no ray slips between two.
+quadratic. Rays that are not hit there after all, and those still under way after some cells, are walked on one by
+one in float64, over blocks of cells that they pass; there the ends of a cell's stretch are shared with the next cell,
+so that no ray slips between two.
 
-Symbols: t camera depth; (u, v, d) = P + t Q; F = d - height at the ends of a cell's way; A coefficient of the square
-when the way is counted from 0 to 1.
+Symbols: t camera depth; (u, v, d) = P + t Q; F = d - height at the ends of a cell's stretch; A coefficient of the
+square when the stretch is counted from 0 to 1.
 
 Packed arguments: ``field`` (flat (H * stride,) f32 heights, NaN = hole, stride); ``pyramid`` (nodes, meta, grid), see
 quadtree, grid = (lowest depth, depth per step); ``size`` (columns, rows) of cells; P (P0, P1, P2), Q (q0, q1, q2) and
@@ -38,7 +38,7 @@ from ibrpipe.core.epipolar.entries import (
 )
 from ibrpipe.core.jit import fused, kernel
 
-#: row of hits, in float32, where the way of walked rays was
+#: row of hits, in float32, where the distance along walked rays was
 HIT = ec.S
 #: state of a ray that is not hit in the cell where it stopped
 PASSES = 3.0
@@ -51,7 +51,7 @@ EPSILON = 2.0**-23
 
 @fused
 def hit_between(t0, t1, f0, f1, bend):
-    # camera depth of the first zero of a quadratic on the way from t0 to t1, f0 and f1 at its ends
+    # camera depth of the first zero of a quadratic between t0 and t1, f0 and f1 at its ends
     slope = f1 - f0 - bend
     sign = 1.0 if f0 >= 0.0 else -1.0
     f, a, b = f0 * sign, bend * sign, slope * sign
@@ -65,7 +65,7 @@ def hit_between(t0, t1, f0, f1, bend):
 
 @fused
 def is_hit(f0, f1, bend):
-    # has the quadratic a zero on its way? where it starts is none
+    # has the quadratic a zero between its ends? where it starts is none
     slope = f1 - f0 - bend
     dips = (bend * f0 > 0.0) & (slope * f0 < 0.0) & (abs(slope) < 2.0 * abs(bend))
     dips &= slope * slope >= 4.0 * bend * f0
@@ -102,8 +102,8 @@ def meet(x0, y0, P0, P1, P2, Q_of, rays, work):
             f0 = P2 + t0 * q2 - (a + p * across + q * (down + p * twist))
             p, q = P0 + t1 * q0 - i, P1 + t1 * q1 - j
             f1 = P2 + t1 * q2 - (a + p * across + q * (down + p * twist))
-            way = t1 - t0
-            bend = -twist * (q0 * way) * (q1 * way)
+            length = t1 - t0
+            bend = -twist * (q0 * length) * (q1 * length)
             state = work[ec.STATE + n]
             stops, hits = state == ec.STOPS, is_hit(f0, f1, bend)
             t = hit_between(t0, t1, f0, f1, bend)
@@ -172,7 +172,7 @@ def cast_heights(field, pyramid, view, box, eye, lines, base, parts, depth, ids)
     room, room_32 = np.empty((parts, RAYS)), np.empty((2, parts, ec.WORK), np.float32)
     room_i = np.empty((parts, ec.LANES), np.int32)
     for part in prange(parts):
-        rays, work, late, places = room[part], room_32[0, part], room_32[1, part], room_i[part]
+        rays, work, late, indices = room[part], room_32[0, part], room_32[1, part], room_i[part]
         P0, P1, P2 = start[0], start[1], start[2]
         columns, rows = box[0], box[1]
         columns_32, rows_32 = np.float32(columns), np.float32(rows)
@@ -186,14 +186,14 @@ def cast_heights(field, pyramid, view, box, eye, lines, base, parts, depth, ids)
             y0, x0 = (tile // tiles_x) * ec.TILE_Y, (tile % tiles_x) * ec.TILE_X
             y1, x1 = min(y0 + ec.TILE_Y, picture_rows), min(x0 + ec.TILE_X, picture_columns)
             set_out(x0, y0, P0, P1, P2, Q_of, box, eye, rays)
-            clear_entries(rays, places)
+            clear_entries(rays, indices)
             for number in range(4):
                 if sectors[number, el.USED] > 0.0 and crosses(number, x0, y0, x1, y1, Q_of):
                     along = P0 if number < 2 else P1
                     if number & 1:
                         along = (columns if number < 2 else rows) - along
-                    find_entries(number, sectors, along, x0, y0, rays, places)
-            look_up(table, rays, places)
+                    find_entries(number, sectors, along, x0, y0, rays, indices)
+            look_up(table, rays, indices)
             if enter_cells(x0, y0, P0, P1, P2, Q_of, columns, rows, steepest, rays, work) == 0:
                 continue
             going, passed, blocks, batch = ec.LANES, 0, first_blocks, work
@@ -201,10 +201,10 @@ def cast_heights(field, pyramid, view, box, eye, lines, base, parts, depth, ids)
                 count = ec.whole_vectors(going)
                 for _ in range(blocks):
                     ec.cross_blocks(
-                        count, nodes, first, block_stride, size, low, step, columns_32, rows_32, doubt, batch, places
+                        count, nodes, first, block_stride, size, low, step, columns_32, rows_32, doubt, batch, indices
                     )  # fmt: skip
                 left = ec.advance(
-                    count, flat, stride, columns_32, rows_32, doubt, batch, places
+                    count, flat, stride, columns_32, rows_32, doubt, batch, indices
                 )  # fmt: skip
                 passed, blocks = passed + ec.STRIDE, LATE_BLOCKS
                 if passed == ec.STRIDE:
@@ -216,18 +216,18 @@ def cast_heights(field, pyramid, view, box, eye, lines, base, parts, depth, ids)
                 lane = int(work[ec.LANE + n])
                 x, y = x0 + lane % ec.TILE_X, y0 + lane // ec.TILE_X
                 walk_on(x, y, lane, field, pyramid, (P0, P1, P2), Q_of, (columns, rows), rays, work)
-            enter_hits(x0, y0, x1 - x0, y1 - y0, stride, base, work, places, depth, ids)
+            enter_hits(x0, y0, x1 - x0, y1 - y0, stride, base, work, indices, depth, ids)
 
 
 @fused
-def enter_hits(x0, y0, wide, high, stride, base, work, places, depth, ids):
+def enter_hits(x0, y0, wide, high, stride, base, work, indices, depth, ids):
     # a hit replaces another when it is nearer, or as near with a lesser number
     for n in range(ec.LANES):
-        places[n] = np.int32(work[ec.CJ + n]) * np.int32(stride - 1) + np.int32(work[ec.CI + n]) + np.int32(base)
+        indices[n] = np.int32(work[ec.CJ + n]) * np.int32(stride - 1) + np.int32(work[ec.CI + n]) + np.int32(base)
     for row in range(high):
         y, start = np.uint64(y0 + row), row * ec.TILE_X
         for k in range(wide):
-            t, number, x = work[HIT + start + k], np.uint32(places[start + k]), np.uint64(x0) + np.uint64(k)
+            t, number, x = work[HIT + start + k], np.uint32(indices[start + k]), np.uint64(x0) + np.uint64(k)
             before, other = depth[y, x], ids[y, x]
             nearer = (t < before) | ((t == before) & (t < np.float32(np.inf)) & (number < other))
             depth[y, x] = t if nearer else before
@@ -280,8 +280,8 @@ def walk(field, pyramid, P, Q, inverse, t0, far, F0, i, j, size):
                     F0 = P2 + t0 * q2 - (a + p * (b - a) + q * (c - a) + p * q * twist)
                 p, q = P0 + t1 * q0 - i, P1 + t1 * q1 - j
                 F1 = P2 + t1 * q2 - (a + p * (b - a) + q * (c - a) + p * q * twist)
-                way = t1 - t0
-                A = -twist * (q0 * way) * (q1 * way)
+                length = t1 - t0
+                A = -twist * (q0 * length) * (q1 * length)
                 slope = F1 - F0 - A
                 dips = (A * F0 > 0.0) & (slope * F0 < 0.0) & (abs(slope) < 2.0 * abs(A))
                 if ((F0 * F1 <= 0.0) & (F0 != 0.0)) | (dips & (slope * slope >= 4.0 * A * F0)):

@@ -6,9 +6,9 @@ as `doubt`, which is more than the rounding of float32 can amount to over PATIEN
 whether it is hit there is decided in float64 (:mod:`ibrpipe.core.epipolar.cast`). So no hit is passed over, and loops
 have no branches.
 
-Symbols: s way along the ray since its start, in cells; (u, v, d) = (U0, V0, D0) + s (DU, DV, DD), u and v from the
-start's cell (I0, J0) on; f0, f1 d - height at the ends of a cell's way; bend coefficient of the square when the way
-is counted from 0 to 1.
+Symbols: s distance along the ray since its start, in cells; (u, v, d) = (U0, V0, D0) + s (DU, DV, DD), u and v from the
+start's cell (I0, J0) on; f0, f1 d - height at the ends of the ray's stretch in a cell; bend coefficient of the square
+when that is counted from 0 to 1.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ TILE_X, TILE_Y = 32, 8
 LANES = TILE_X * TILE_Y
 #: cells that rays are taken through before those that are done are left behind, and cells before they go one by one
 STRIDE, PATIENCE = 4, 48
-#: rows of the working memory, LANES numbers each: ray, its place, the cell it is in and the one it started in
+#: rows of the working memory, LANES numbers each: ray, its position, the cell it is in and the one it started in
 DU, DV, DD, AU, AV, U0, V0, D0, END, S, CI, CJ, BI, BJ, STATE = (LANES * n for n in range(15))
 #: corners of its cell, which lane of the tile it is
 A, B, C, E, LANE = (LANES * n for n in range(15, 20))
@@ -36,12 +36,12 @@ CROWDED = 0.75
 
 
 @fused
-def gather_heights(count, flat, stride, work, places):
-    # flat: heights; the four at the corners of every ray's cell; places (LANES,) i32 working memory
+def gather_heights(count, flat, stride, work, indices):
+    # flat: heights; the four at the corners of every ray's cell; indices (LANES,) i32 working memory
     for n in range(count):
-        places[n] = np.int32(work[CJ + n]) * np.int32(stride) + np.int32(work[CI + n])
+        indices[n] = np.int32(work[CJ + n]) * np.int32(stride) + np.int32(work[CI + n])
     for n in range(count):
-        cell = np.uint32(places[n])
+        cell = np.uint32(indices[n])
         work[A + n], work[B + n] = flat[cell], flat[cell + np.uint32(1)]
         cell += np.uint32(stride)
         work[C + n], work[E + n] = flat[cell], flat[cell + np.uint32(1)]
@@ -65,8 +65,8 @@ def cross_cells(count, columns, rows, doubt, work):
         f0 = d0 + s0 * dd - (a + p * across + q * (down + p * twist))
         p, q = u0 + s1 * du, v0 + s1 * dv
         f1 = d0 + s1 * dd - (a + p * across + q * (down + p * twist))
-        way = s1 - s0
-        bend = -twist * (du * way) * (dv * way)
+        length = s1 - s0
+        bend = -twist * (du * length) * (dv * length)
         slope = f1 - f0 - bend
         least, greatest = f0 if f0 < f1 else f1, f1 if f0 < f1 else f0
         dips = (bend * f0 > zero) & (slope * f0 < zero) & (abs(slope) < two * abs(bend))
@@ -85,20 +85,20 @@ def cross_cells(count, columns, rows, doubt, work):
 
 
 @fused
-def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, doubt, work, places):
+def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, doubt, work, indices):
     # rays that pass above or below the block that they are in go on to where they leave it
     # nodes: see quadtree, from `first` on, `stride` to a row; size (cells) of blocks; low, step: depths of their bounds
     zero, one = np.float32(0.0), np.float32(1.0)
     share = one / size
     for n in range(count):
         bi, bj = np.floor(work[CI + n] * share), np.floor(work[CJ + n] * share)
-        places[n] = np.int32(bj) * np.int32(stride) + np.int32(bi) + np.int32(first)
+        indices[n] = np.int32(bj) * np.int32(stride) + np.int32(bi) + np.int32(first)
     for n in range(count):
-        places[n] = np.int32(nodes[np.uint32(places[n])])
+        indices[n] = np.int32(nodes[np.uint32(indices[n])])
     for n in range(count):
         du, dv, dd, au, av = work[DU + n], work[DV + n], work[DD + n], work[AU + n], work[AV + n]
         i, j, s0, u0, v0, d0 = work[CI + n], work[CJ + n], work[S + n], work[U0 + n], work[V0 + n], work[D0 + n]
-        i0, j0, node = work[BI + n], work[BJ + n], np.uint32(places[n])
+        i0, j0, node = work[BI + n], work[BJ + n], np.uint32(indices[n])
         least = low + np.float32(np.int32(node & np.uint32(65535))) * step
         greatest = low + np.float32(np.int32(node >> np.uint32(16))) * step
         left, upper = np.floor(i * share) * size, np.floor(j * share) * size
@@ -126,10 +126,10 @@ def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, do
 
 
 @fused
-def advance(count, flat, stride, columns, rows, doubt, work, places):
+def advance(count, flat, stride, columns, rows, doubt, work, indices):
     # take rays through some cells -> how many go on
     for _ in range(STRIDE):
-        gather_heights(count, flat, stride, work, places)
+        gather_heights(count, flat, stride, work, indices)
         cross_cells(count, columns, rows, doubt, work)
     return count_rays(count, np.float32(GOES_ON), work)
 
@@ -184,7 +184,7 @@ def bring_back(count, late, work):
 
 @fused
 def fill_vector(count, late):
-    # rays that have ended, at a place in the field, after the first `count`
+    # rays that have ended, at a position in the field, after the first `count`
     for n in range(count, whole_vectors(count)):
         late[STATE + n], late[CI + n], late[CJ + n] = ENDS, 0.0, 0.0
 

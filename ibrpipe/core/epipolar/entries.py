@@ -51,8 +51,8 @@ def set_out(x0, y0, P0, P1, P2, Q_of, box, eye, rays):
 
 
 @fused
-def find_entries(number, sectors, along, x0, y0, rays, places):
-    # places: entry of the table of the rays of one sector; along: place of the eye along the sector's rays
+def find_entries(number, sectors, along, x0, y0, rays, entries):
+    # entries: entry of the table of the rays of one sector; along: position of the eye along the sector's rays
     l0, l1, l2, lines = sectors[number, 0], sectors[number, 1], sectors[number, 2], sectors[number, el.LINES]
     b0, b1, b2, bins = sectors[number, 6], sectors[number, 7], sectors[number, 8], sectors[number, el.BINS]
     first, line_step, bin_step = sectors[number, el.FIRST], sectors[number, el.LINE_STEP], sectors[number, el.BIN_STEP]
@@ -66,33 +66,33 @@ def find_entries(number, sectors, along, x0, y0, rays, places):
             pace, across = rays[inverse + n], abs(rays[other + n])
             turned = pace * sign
             line = np.floor((l0 * px + line_y) * turned)
-            place = np.floor(b0 * px + bin_y)
-            known = (line >= 0.0) & (line < lines) & (place >= 0.0) & (place < bins)
+            bin_idx = np.floor(b0 * px + bin_y)
+            known = (line >= 0.0) & (line < lines) & (bin_idx >= 0.0) & (bin_idx < bins)
             known &= (turned > 0.0) & ((turned <= across) if number < 2 else (turned < across))
-            entry = first + line * line_step + place * bin_step
-            places[n] = np.int32(entry if known else np.float64(places[n]))
+            entry = first + line * line_step + bin_idx * bin_step
+            entries[n] = np.int32(entry if known else np.float64(entries[n]))
             rays[ALONG + n] = along if known else rays[ALONG + n]
             rays[PACE + n] = turned if known else rays[PACE + n]
 
 
 @fused
-def clear_entries(rays, places):
+def clear_entries(rays, entries):
     # rays of no sector start where they enter the box
     for n in range(ec.LANES):
-        places[n], rays[ALONG + n], rays[PACE + n] = 0, 0.0, 1.0
+        entries[n], rays[ALONG + n], rays[PACE + n] = 0, 0.0, 1.0
 
 
 @fused
-def look_up(table, rays, places):
+def look_up(table, rays, entries):
     # let rays start where the table says
     for n in range(ec.LANES):
-        t = (table[np.uint32(places[n])] - rays[ALONG + n]) * rays[PACE + n]
+        t = (table[np.uint32(entries[n])] - rays[ALONG + n]) * rays[PACE + n]
         rays[NEAR + n] = t if t > rays[NEAR + n] else rays[NEAR + n]
 
 
 @fused
 def enter_cells(x0, y0, P0, P1, P2, Q_of, columns, rows, steepest, rays, work):
-    # lay every ray from its start on in float32, in cells -> how many have a way before them
+    # lay every ray from its start on in float32, in cells -> how many have some length before them
     q00, q01, q02, q10, q11, q12 = Q_of[0, 0], Q_of[0, 1], Q_of[0, 2], Q_of[1, 0], Q_of[1, 1], Q_of[1, 2]
     q20, q21, q22 = Q_of[2, 0], Q_of[2, 1], Q_of[2, 2]
     going = 0

@@ -1,7 +1,7 @@
 """Epipolar lines of a field: which lines of the reference cover the picture, and where a pixel lies among them.
 
 Rays of one eye E that share an epipolar plane cross a field along one line of the reference, which passes through the
-epipole, E's place in the reference (schaufler1999, sec. 4). A ray is straight in the field's coordinates
+epipole, E's position in the reference (schaufler1999, sec. 4). A ray is straight in the field's coordinates
 (:mod:`ibrpipe.core.rays`); the direction in which it crosses the reference is ``W = P_q Q - Q_q P``, linear in the
 pixel, and W = 0 is the epipole of the picture. The picture falls into up to four *sectors* by W's longer component and
 its sign, so that in each sector rays pass the columns of cells in one order, away from the epipole (``P_q > 0``) or
@@ -23,7 +23,7 @@ import numpy as np
 
 #: rows of a sector: how lines are numbered, ``line = (LINE . p) / (TURN . p)``, ``bin = BIN . p`` for p = (px, py, 1)
 LINE, TURN, BIN = 0, 3, 6
-#: sizes and places: first entry of the table, steps per line and per bin, numbers of lines and of bins
+#: sizes and offsets: first entry of the table, steps per line and per bin, numbers of lines and of bins
 FIRST, LINE_STEP, BIN_STEP, LINES, BINS = 9, 10, 11, 12, 13
 #: geometry: axis that is `along` (0 = u), its direction, cells along and across, level of the blocks
 AXIS, SIGN, ALONG, ACROSS, LEVEL = 14, 15, 16, 17, 18
@@ -36,7 +36,7 @@ USED, OUTWARD = 27, 28
 #: columns of blocks, in walking order, that rays of the sector can meet: first, and one past the last
 FROM, TO = 29, 30
 SECTOR_SIZE = 31
-#: least share of the way to the far column at which a column is still told from the epipole
+#: least share of the distance to the far column at which a column is still told from the epipole
 NEAREST = 1e-12
 #: cells about the field at which lines are still laid
 MARGIN = 1.0
@@ -82,18 +82,18 @@ def lay_lines(start, Q_of, pixels, cells, size, spacing, finest, coarseness, dep
             entries += int(own[LINES] * own[BINS])
             sectors[number], edges[number] = own, _column_edges(own, P)
     packed = np.zeros((4, 4, max(part.shape[1] for part in edges)))
-    for part, place in zip(edges, packed, strict=True):
-        place[:, : part.shape[1]] = part
+    for part, position in zip(edges, packed, strict=True):
+        position[:, : part.shape[1]] = part
     return sectors, packed, entries
 
 
 def _along_and_across(start, Q_of, axis, sign, cells):
     """Return start (4,) and Q_of (4, 3) as (along, across, d, q) rows."""
-    along, ways = start[axis], Q_of[axis]
+    along, directions = start[axis], Q_of[axis]
     if sign < 0:
         along = cells[axis] * start[3] - along
-        ways = [cells[axis] * q - way for q, way in zip(Q_of[3], ways, strict=True)]
-    return (along, start[1 - axis], start[2], start[3]), (ways, Q_of[1 - axis], Q_of[2], Q_of[3])
+        directions = [cells[axis] * q - direction for q, direction in zip(Q_of[3], directions, strict=True)]
+    return (along, start[1 - axis], start[2], start[3]), (directions, Q_of[1 - axis], Q_of[2], Q_of[3])
 
 
 def _lay_sector(own, axis, sign, P, Q, pixels, cells, size, spacing, finest, coarseness, depths):
@@ -117,14 +117,14 @@ def _lay_sector(own, axis, sign, P, Q, pixels, cells, size, spacing, finest, coa
     line = [
         far * (P[3] * q1 - P[1] * q3) + (P[1] * q0 - P[0] * q1) for q0, q1, q3 in zip(Q[0], Q[1], Q[3], strict=True)
     ]
-    places, slopes = [], []
+    positions, slopes = [], []
     for p in corners:
         under = _at(along, p)
-        place = _at(line, p) / under
-        places.append(place)
-        slopes.append(((line[0] - place * along[0]) / under, (line[1] - place * along[1]) / under))
+        position = _at(line, p) / under
+        positions.append(position)
+        slopes.append(((line[0] - position * along[0]) / under, (line[1] - position * along[1]) / under))
     least, greatest = _crossing(P, far, reach, length, breadth)
-    low, high = max(min(places), least), min(max(places), greatest)
+    low, high = max(min(positions), least), min(max(positions), greatest)
     steep = min(math.hypot(*slope) for slope in slopes)
     width = max(spacing * steep, finest, (high - low) / (4.0 * (size[0] + size[1])))
     if not low <= high or not 0.0 < width < math.inf:
@@ -149,14 +149,14 @@ def _crossing(P, far, reach, length, breadth):
         end = max(end, P[0] / P[3]) if P[3] > 0.0 else min(end, P[0] / P[3])
     keep, shift = (end * P[3] - P[0]) / reach, (far - end) / reach * P[1]
     bounds = []
-    for edge, way in ((-MARGIN, -1.0), (breadth + MARGIN, 1.0)):
-        beyond = way * (edge - shift)  # how far within this edge the epipole, or what all lines are moved by, lies
-        there = way * edge + length
+    for edge, sign in ((-MARGIN, -1.0), (breadth + MARGIN, 1.0)):
+        beyond = sign * (edge - shift)  # how far within this edge the epipole, or what all lines are moved by, lies
+        there = sign * edge + length
         if keep > NEAREST:
-            there = min(there, max(way * edge, way * (edge - shift) / keep))
+            there = min(there, max(sign * edge, sign * (edge - shift) / keep))
         elif beyond < 0.0:
-            there = way * edge
-        bounds.append(way * there)
+            there = sign * edge
+        bounds.append(sign * there)
     return bounds
 
 
@@ -179,17 +179,17 @@ def _reach_columns(P, Q, corners, length, depths, block):
     first, last, blocks = 0.0, length, math.ceil(length / block)
     if P[3] == 1.0 and not any(Q[3]) and math.isfinite(depths[0]):
         first, rays = max(first, P[0]), [(_at(Q[0], p), _at(Q[2], p)) for p in corners]
-        for depth, way in ((depths[0], 1.0), (depths[1], -1.0)):
-            if way * (depth - P[2]) > 0.0:  # the eye is beyond this bound, and rays enter by it
-                entries = [P[0] + (depth - P[2]) / d * along for along, d in rays if way * d > 0.0]
+        for depth, sign in ((depths[0], 1.0), (depths[1], -1.0)):
+            if sign * (depth - P[2]) > 0.0:  # the eye is beyond this bound, and rays enter by it
+                entries = [P[0] + (depth - P[2]) / d * along for along, d in rays if sign * d > 0.0]
                 first = max(first, min(entries, default=length))
-            if way * (depth - P[2]) < 0.0 and all(way * d < 0.0 for _, d in rays):  # rays end at it
+            if sign * (depth - P[2]) < 0.0 and all(sign * d < 0.0 for _, d in rays):  # rays end at it
                 last = min(last, max(P[0] + (depth - P[2]) / d * along for along, d in rays))
     return max(math.floor(first / block - 0.01), 0.0), min(math.floor(last / block + 0.01) + 1.0, float(blocks))
 
 
-def _at(row, place):
-    return row[0] * place[0] + row[1] * place[1] + row[2]
+def _at(row, position):
+    return row[0] * position[0] + row[1] * position[1] + row[2]
 
 
 def _number_bins(own, region, slopes, pixels, far):
@@ -198,15 +198,15 @@ def _number_bins(own, region, slopes, pixels, far):
     y = sum(a / math.hypot(a, b) for a, b in slopes if a or b)
     length = math.hypot(x, y)
     x, y = (x / length, y / length) if length > 0.0 else (0.0, 1.0)
-    places = [x * p[0] + y * p[1] for p in region]
-    shift = 1.0 - math.floor(min(places))
+    positions = [x * p[0] + y * p[1] for p in region]
+    shift = 1.0 - math.floor(min(positions))
     own[BIN : BIN + 3] = (x, y, shift)
-    own[BINS] = math.floor(max(places)) + shift + 2.0
+    own[BINS] = math.floor(max(positions)) + shift + 2.0
     own[LINE_STEP], own[BIN_STEP] = (1.0, own[LINES]) if abs(y) > abs(x) else (own[BINS], 1.0)
     over = [x * a + y * b + shift * c for a, b, c in zip(*pixels, strict=True)]
-    axis, place = int(own[AXIS]), far if own[SIGN] > 0 else own[ALONG] - far
+    axis, position = int(own[AXIS]), far if own[SIGN] > 0 else own[ALONG] - far
     for first, row in ((OVER, over), (UNDER, pixels[2])):
-        own[first : first + 3] = (row[1 - axis], row[2], row[axis] * place + row[3])
+        own[first : first + 3] = (row[1 - axis], row[2], row[axis] * position + row[3])
 
 
 def _column_edges(own, P):

@@ -1,4 +1,4 @@
-"""The sampled searches where a ray's way is short in the reference: about the epipole, and right before the eye.
+"""The sampled searches where a ray's path is short in the reference: about the epipole, and right before the eye.
 
 There a line has no columns to step by: within the field's depths a ray moves by less than `SHORT` texels, and by none
 at all where both centres coincide. Such a ray walks from texel to texel instead (as schaufler1999, sec. 4, does
@@ -23,7 +23,7 @@ from numba import prange
 
 from ibrpipe.core.jit import helper, inlined, kernel
 
-#: texels of the reference up to which a ray's way is short; bisection steps of the way through the texel that is met
+#: texels of the reference up to which a ray's path is short; bisection steps through the texel that is met
 SHORT, BISECTION_STEPS = 2.0, 24
 
 
@@ -41,8 +41,8 @@ def joined(one, other, steps):
 
 @helper
 def depth_in_texel(u, v, i, j, linear, flat, rows, stride, steps):
-    # sample of texel (i, j), or (linear) the mean of those of its surface about the place, NaN = background; a height
-    # field, which has no greatest step, is nowhere where one of the four samples about the place is missing
+    # sample of texel (i, j), or (linear) the mean of those of its surface about the position, NaN = background; a
+    # height field, which has no greatest step, is nowhere where one of the four samples about the position is missing
     if i < 0 or j < 0 or i >= stride or j >= rows:
         return np.nan
     middle = float(flat[j * stride + i])

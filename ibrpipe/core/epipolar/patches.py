@@ -33,13 +33,13 @@ def meet_ray(px, py, i, j, corners, mask, near, view):
     # near: camera depth from which the ray is counted
     rays, eye = view
     start = (rays[0], rays[1], rays[2], rays[3])
-    way = (
+    direction = (
         rays[4] * px + rays[5] * py + rays[6],
         rays[7] * px + rays[8] * py + rays[9],
         rays[10] * px + rays[11] * py + rays[12],
         rays[13] * px + rays[14] * py + rays[15],
     )
-    A, B, C, u, v, q, du, dv, dq = patch_quadratic(start, way, i, j, corners, near)
+    A, B, C, u, v, q, du, dv, dq = patch_quadratic(start, direction, i, j, corners, near)
     square = B * B - 4.0 * A * C
     if not square >= 0.0:
         return np.inf
@@ -66,10 +66,10 @@ def start_of(px, py, P, Q, sectors, table):
     if own[el.USED] == 0.0:
         return -np.inf
     line = (own[0] * px + own[1] * py + own[2]) / (own[3] * px + own[4] * py + own[5])
-    place = own[6] * px + own[7] * py + own[8]
-    if not (0.0 <= line < own[el.LINES] and 0.0 <= place < own[el.BINS]):
+    bin_position = own[6] * px + own[7] * py + own[8]
+    if not (0.0 <= line < own[el.LINES] and 0.0 <= bin_position < own[el.BINS]):
         return -np.inf
-    entry = own[el.FIRST] + math.floor(line) * own[el.LINE_STEP] + math.floor(place) * own[el.BIN_STEP]
+    entry = own[el.FIRST] + math.floor(line) * own[el.LINE_STEP] + math.floor(bin_position) * own[el.BIN_STEP]
     along = float(table[int(entry)])
     if along == np.inf:
         return np.inf

@@ -7,7 +7,7 @@ pixel's own ray (the paper's future work, sec. 8). Where neighbours may be apart
 sample is a level tile as wide as a texel, and a step between two tiles of one surface is met as well.
 
 Symbols: see :mod:`ibrpipe.core.epipolar.lines`; samples lie where along and across are whole numbers; NaN = background.
-Packed arguments: see :mod:`ibrpipe.core.epipolar.near`; ``layout`` (first, along_step, across_step): place in `flat` of
+Packed arguments: see :mod:`ibrpipe.core.epipolar.near`; ``layout`` (first, along_step, across_step): index in `flat` of
 a sector's first sample, steps to the next column and row; ``lines`` (sectors, table) of a sweep.
 """
 
@@ -37,7 +37,7 @@ from ibrpipe.core.jit import fused, inlined, kernel
 #: pixels that are looked up together
 LANES = 256
 #: rows of the working memory: table entry, column, ray at the column, what it is compared with
-ENTRY, COLUMN, PLACE, UPPER, LOWER, SHARE, ABOVE, T = (LANES * n for n in range(8))
+ENTRY, COLUMN, TEXEL, UPPER, LOWER, SHARE, ABOVE, T = (LANES * n for n in range(8))
 #: how far the ray is above the samples at the four columns about a pixel's start, and those samples
 FOUR_F, FOUR_D = LANES * 8, LANES * 12
 WORK = LANES * 16
@@ -56,12 +56,12 @@ def sample_columns(number, start, count, middle, breadth, layout, edges, linear,
     # depth at the far column of the sample of each column, NaN = background
     first, along_step, across_step = layout
     for k in range(count):
-        place = middle * edges[number, 0, start + k] + edges[number, 1, start + k]
-        row = np.floor(place if linear else place + 0.5)
-        row = row if row < breadth - 1.0 else (breadth - 1.0 if linear and place <= breadth else row)
+        position = middle * edges[number, 0, start + k] + edges[number, 1, start + k]
+        row = np.floor(position if linear else position + 0.5)
+        row = row if row < breadth - 1.0 else (breadth - 1.0 if linear and position <= breadth else row)
         inside = (row >= 0.0) & (row < breadth + (0.0 if linear else 1.0))
         work[ROW0 + k] = row if inside else 0.0
-        work[ROW1 + k] = place - row if inside else np.nan
+        work[ROW1 + k] = position - row if inside else np.nan
     for k in range(count):
         work[LOW + k] = flat[np.uint32(first + (start + k) * along_step + np.int64(work[ROW0 + k]) * across_step)]
     if linear:
@@ -138,18 +138,18 @@ def sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, ga
         for k in range(count):
             begin, finish = int(work[BEGIN + k]), int(work[END + k])
             if gaps:
-                for place in range(begin, finish + 1):
-                    old = table[entry + place * step]
-                    table[entry + place * step] = old if old < np.inf else np.float32(start + k)
+                for bin_idx in range(begin, finish + 1):
+                    old = table[entry + bin_idx * step]
+                    table[entry + bin_idx * step] = old if old < np.inf else np.float32(start + k)
                 continue
             if begin > finish or (begin >= first and finish <= last):
                 continue
             if last < first:
                 first, last = begin, begin - 1
-            for place in range(begin, first):
-                table[entry + place * step] = start + k
-            for place in range(last + 1, finish + 1):
-                table[entry + place * step] = start + k
+            for bin_idx in range(begin, first):
+                table[entry + bin_idx * step] = start + k
+            for bin_idx in range(last + 1, finish + 1):
+                table[entry + bin_idx * step] = start + k
             first, last = min(first, begin), max(last, finish)
         if first == 0 and last == bins - 1:
             break
@@ -192,9 +192,9 @@ def find_columns(number, x0, y, count, start, Q_of, slope, reach, sectors, table
         mine = (abs(wx) < abs(wy)) if swapped else (abs(wx) >= abs(wy))
         mine &= (sign * (wy if swapped else wx) > 0.0) & (not is_short(wx, wy, g_x * px + g_1, reach))
         line = np.floor((l0 * px + l1 * py + l2) / (s0 * px + s1 * py + s2))
-        place = np.floor(b0 * px + b1 * py + b2)
-        mine &= (line >= 0.0) & (line < lines) & (place >= 0.0) & (place < bins)
-        work[ENTRY + k] = first + line * line_step + place * bin_step if mine else 0.0
+        bin_idx = np.floor(b0 * px + b1 * py + b2)
+        mine &= (line >= 0.0) & (line < lines) & (bin_idx >= 0.0) & (bin_idx < bins)
+        work[ENTRY + k] = first + line * line_step + bin_idx * bin_step if mine else 0.0
     least = np.inf
     for k in range(count):
         column = table[np.uint32(np.int64(work[ENTRY + k]))]
@@ -226,19 +226,19 @@ def meet_column(number, shift, x0, y, count, size, view, raster, linear, out, wo
         a, q = a0 * px + a1, q0 * px + q1
         t, one, under = edge * Pq - Pa, a - edge * q, a * Pq - Pa * q  # camera depth t / one
         wide = 1.0 / under
-        place = (one * Pc + t * (c0 * px + c1)) * wide
-        row = np.floor(place if linear else place + 0.5)
+        position = (one * Pc + t * (c0 * px + c1)) * wide
+        row = np.floor(position if linear else position + 0.5)
         row = row if (row < breadth) | (not linear) else row - 1.0
         inside &= (row >= 0.0) & (row < breadth + (0.0 if linear else 1.0))
         inside &= (t * under > 0.0) & ((t * one > 0.0) | (q > 0.0))
-        work[PLACE + k] = edge * along_step + (row if inside else 0.0) * across_step
-        work[SHARE + k] = place - row if inside else np.nan
+        work[TEXEL + k] = edge * along_step + (row if inside else 0.0) * across_step
+        work[SHARE + k] = position - row if inside else np.nan
         work[ABOVE + k] = (one * Pd + t * (d0 * px + d1)) * wide
     for k in range(count):
-        work[UPPER + k] = flat[np.uint32(np.int64(work[PLACE + k]))]
+        work[UPPER + k] = flat[np.uint32(np.int64(work[TEXEL + k]))]
     if linear:
         for k in range(count):
-            work[LOWER + k] = flat[np.uint32(np.int64(work[PLACE + k]) + across_step)]
+            work[LOWER + k] = flat[np.uint32(np.int64(work[TEXEL + k]) + across_step)]
     for k in range(count):
         upper, share = work[UPPER + k], work[SHARE + k]
         value = across_rows(upper, work[LOWER + k], share, steps) if linear else upper + 0.0 * share
@@ -275,12 +275,12 @@ def cross_between(number, x0, y, count, columns, start, Q_of, tiles, work):
         rate = (Pq * (d0 * px + d1) - q * Pd) / (a * Pq - Pa * q)  # of the ray's d per column of the reference
         level = (f2 if backward else -f2) / rate
         level = level if level < 0.5 else 0.5
-        place = (level if level > -0.5 else -0.5) if tiles & (rate != 0.0) else 0.0
-        place = place if f2 == f2 else np.inf
-        place = f2 / (f2 - f3) if f2 * f3 <= 0.0 else place
-        place = f1 / (f1 - f2) - 1.0 if f1 * f2 <= 0.0 else place
-        place = f0 / (f0 - f1) - 2.0 if f0 * f1 <= 0.0 else place
-        edge = work[COLUMN + k] + place
+        shift = (level if level > -0.5 else -0.5) if tiles & (rate != 0.0) else 0.0
+        shift = shift if f2 == f2 else np.inf
+        shift = f2 / (f2 - f3) if f2 * f3 <= 0.0 else shift
+        shift = f1 / (f1 - f2) - 1.0 if f1 * f2 <= 0.0 else shift
+        shift = f0 / (f0 - f1) - 2.0 if f0 * f1 <= 0.0 else shift
+        edge = work[COLUMN + k] + shift
         edge = columns - 1.0 - edge if backward else edge
         t = (edge * Pq - Pa) / (a - edge * q)
         work[T + k] = t if (abs(edge) < np.inf) & (t == t) else np.inf
@@ -318,16 +318,16 @@ def pick_samples(raster, view, lines, linear, reach, eye, base, parts, depth, id
                     else:
                         meet_column(number, 0.0, x0, y, count, (breadth, wide), view, raster, False, 0, work)
                         for k in range(count):
-                            place, d = work[PLACE + k], work[UPPER + k]
-                            v = np.floor((place + 0.5) / stride)
-                            u = place - v * stride
+                            texel, d = work[TEXEL + k], work[UPPER + k]
+                            v = np.floor((texel + 0.5) / stride)
+                            u = texel - v * stride
                             t = weight[0] * u + weight[1] * v + weight[2] * d + weight[3]
                             t = -t / d if perspective else t
                             work[T + k] = t if work[FOUR_F + k] == work[FOUR_F + k] else np.inf
                     for k in range(count):
                         t, x = np.float32(work[T + k]), x0 + k
                         if work[COLUMN + k] < np.inf and t > eye and t < depth[y, x]:
-                            depth[y, x], ids[y, x] = t, np.uint32(base + np.int64(work[PLACE + k]))
+                            depth[y, x], ids[y, x] = t, np.uint32(base + np.int64(work[TEXEL + k]))
 
 
 @kernel

@@ -57,7 +57,7 @@ def bound_columns(number, start, count, left, right, scale, breadth, edges, work
 
 
 @fused
-def gather_bounds(start, count, first, along_step, across_step, nodes, work, places):
+def gather_bounds(start, count, first, along_step, across_step, nodes, work, indices):
     # bounds of the blocks of every column
     most = 0.0
     for k in range(count):
@@ -65,15 +65,15 @@ def gather_bounds(start, count, first, along_step, across_step, nodes, work, pla
         most = most if most > rows else rows
     for row in range(int(most) + 1):
         for k in range(count):
-            place = work[ROW0 + k] + row
-            place = place if place <= work[ROW1 + k] else work[ROW0 + k]
-            places[k] = (
-                np.int32(first) + np.int32(start + k) * np.int32(along_step) + np.int32(place) * np.int32(across_step)
+            row_idx = work[ROW0 + k] + row
+            row_idx = row_idx if row_idx <= work[ROW1 + k] else work[ROW0 + k]
+            indices[k] = (
+                np.int32(first) + np.int32(start + k) * np.int32(along_step) + np.int32(row_idx) * np.int32(across_step)
             )
         for k in range(count):
-            places[k] = np.int32(nodes[np.uint32(places[k])])
+            indices[k] = np.int32(nodes[np.uint32(indices[k])])
         for k in range(count):
-            inside, node = work[ROW0 + k] + row <= work[ROW1 + k], np.uint32(places[k])
+            inside, node = work[ROW0 + k] + row <= work[ROW1 + k], np.uint32(indices[k])
             near, far = np.float64(np.int32(node & np.uint32(65535))), np.float64(np.int32(node >> np.uint32(16)))
             near, far = near if inside else 65535.0, far if inside else 0.0
             work[NEAR + k] = near if near < work[NEAR + k] else work[NEAR + k]
@@ -128,7 +128,7 @@ def bound_bins(count, left, right, left_end, right_end, bins, least_shift, great
 
 
 @fused
-def sweep_line(line, number, sectors, edges, nodes, meta, grid, work, places, table):
+def sweep_line(line, number, sectors, edges, nodes, meta, grid, work, indices, table):
     sector = sectors[number]
     level = int(sector[el.LEVEL])
     size = 2.0**level
@@ -146,7 +146,7 @@ def sweep_line(line, number, sectors, edges, nodes, meta, grid, work, places, ta
     for start in range(max(int(sector[el.FROM]), 0), int(sector[el.TO]), CHUNK):
         count = min(CHUNK, int(sector[el.TO]) - start)
         bound_columns(number, start, count, left, right, 1.0 / size, float(breadth), edges, work)
-        gather_bounds(start, count, base, along_step, across_step, nodes, work, places)
+        gather_bounds(start, count, base, along_step, across_step, nodes, work, indices)
         low, high = bound_depths(number, start, count, edges, low, high, grid, work)
         bound_bins(count, left, right, left_end, right_end, float(bins), -WIDEN, WIDEN, sector, work)
         for k in range(count):
@@ -158,10 +158,10 @@ def sweep_line(line, number, sectors, edges, nodes, meta, grid, work, places, ta
                 begins = max(sector[el.ALONG] - (columns - start - k) * size, 0.0)
             if last < first:
                 first, last = begin, begin - 1
-            for place in range(begin, first):
-                table[entry + place * step] = begins
-            for place in range(last + 1, end + 1):
-                table[entry + place * step] = begins
+            for row_idx in range(begin, first):
+                table[entry + row_idx * step] = begins
+            for row_idx in range(last + 1, end + 1):
+                table[entry + row_idx * step] = begins
             first, last = min(first, begin), max(last, end)
         if first == 0 and last == bins - 1:
             break
@@ -173,7 +173,7 @@ def sweep_lines(sectors, edges, nodes, meta, grid, groups, parts, table):
     # groups (5,) i64: first group of lines of each sector; table (entries,) f32: where along the sector's rays a pixel
     # starts, inf throughout but -inf in entry 0; filled in place
     for part in prange(parts):
-        work, places = np.empty(8 * CHUNK), np.empty(CHUNK, np.int32)
+        work, indices = np.empty(8 * CHUNK), np.empty(CHUNK, np.int32)
         for group in range(np.int64(part), groups[4], parts):
             number = 0
             while group >= groups[number + 1]:
@@ -181,4 +181,4 @@ def sweep_lines(sectors, edges, nodes, meta, grid, groups, parts, table):
             first = (group - groups[number]) * GROUP
             last = min(first + GROUP, int(sectors[number, el.LINES]))
             for line in range(first, last):
-                sweep_line(line, number, sectors, edges, nodes, meta, grid, work, places, table)
+                sweep_line(line, number, sectors, edges, nodes, meta, grid, work, indices, table)

@@ -10,7 +10,7 @@ number. The least word of a pixel wins, whatever the order of the work and the n
 
 Symbols: see :mod:`ibrpipe.core.ldi.project_heights`; kind = pixels of a piece: columns - 1 + 2 (rows - 1).
 
-Packed arguments: ``patches`` (corners (B, 4, BLOCK) f32, places (B, 2, BLOCK) f32 column and row, masks (B, BLOCK) u8,
+Packed arguments: ``patches`` (corners (B, 4, BLOCK) f32, cells (B, 2, BLOCK) f32 column and row, masks (B, BLOCK) u8,
 numbers (B, BLOCK) u32), in blocks; ``views`` (pixels (F, 3, 4), rays (F, 16): start, then Q_of row by row, eyes (F,):
 camera depth that still belongs to the eye, signs (F,): sign of the screen's turn where a front is seen, perspective
 (F,) bool) of all fields; ``size`` (columns, rows) of the picture; ``lists`` (counts (4,), listed, tags) by kind.
@@ -58,23 +58,23 @@ def skip_block(block, field, bounds, pixels, starts, columns, rows):
         return True
     if not starts[field, 3] > 0.0:
         return False
-    # the way from the eye to a place of the block, less what the surface rises along it: never forward?
+    # the offset from the eye to a point of the block, less what the surface rises along it: never forward?
     most = bounds[block, 5] - starts[field, 2] / starts[field, 3]
     size = abs(bounds[block, 5]) + abs(starts[field, 2] / starts[field, 3])
     for axis in range(2):
         eye = starts[field, axis] / starts[field, 3]
         rise = -np.inf
         for k in range(4):
-            way = bounds[block, 2 * axis + (k & 1)] - eye
+            offset = bounds[block, 2 * axis + (k & 1)] - eye
             slope = bounds[block, 6 + 2 * axis + (k >> 1)]
-            rise = max(rise, -slope * way)
-            size = max(size, abs(slope) * (abs(eye) + abs(way)))
+            rise = max(rise, -slope * offset)
+            size = max(size, abs(slope) * (abs(eye) + abs(offset)))
         most += rise
     return most < -1e-6 * size
 
 
 @ordered
-def bound_boxes(block, count, field, corners, places, pixels, perspective, sign, columns, rows, boxes):
+def bound_boxes(block, count, field, corners, cells, pixels, perspective, sign, columns, rows, boxes):
     # project the patches of a block -> boxes; first > last pixel where no pixel's centre is covered or no
     # front is seen; a patch that reaches behind the eye may cover all pixels
     m00, m01, m02, m03 = pixels[field, 0, 0], pixels[field, 0, 1], pixels[field, 0, 2], pixels[field, 0, 3]
@@ -82,7 +82,7 @@ def bound_boxes(block, count, field, corners, places, pixels, perspective, sign,
     m20, m21, m22, m23 = pixels[field, 2, 0], pixels[field, 2, 1], pixels[field, 2, 2], pixels[field, 2, 3]
     last_x, last_y = columns - 1.0, rows - 1.0
     for k in range(count):
-        u, v = float(places[block, 0, k]), float(places[block, 1, k])
+        u, v = float(cells[block, 0, k]), float(cells[block, 1, k])
         a, b = float(corners[block, 0, k]), float(corners[block, 1, k])
         c, e = float(corners[block, 2, k]), float(corners[block, 3, k])
         bx, by, bw = m00 * u + m01 * v + m03, m10 * u + m11 * v + m13, m20 * u + m21 * v + m23
@@ -153,13 +153,13 @@ def meet_pieces(kind, count, field, rays, eye, columns, listed, tags, keys, part
                 float(listed[kind, E, n]),
             )
             near, mask = float(listed[kind, T, n]), tags[kind, MASK, n]
-            way = (
+            direction = (
                 r00 * px + r01 * py + r02,
                 r10 * px + r11 * py + r12,
                 r20 * px + r21 * py + r22,
                 r30 * px + r31 * py + r32,
             )
-            aa, bb, cc, u, v, q, du, dv, dq = patch_quadratic((s0, s1, s2, s3), way, i, j, (a, b, c, e), near)
+            aa, bb, cc, u, v, q, du, dv, dq = patch_quadratic((s0, s1, s2, s3), direction, i, j, (a, b, c, e), near)
             square = bb * bb - 4.0 * aa * cc
             w = -0.5 * (bb + np.copysign(np.sqrt(square if square > 0.0 else 0.0), bb))
             one, two = cc / w, w / aa  # infinite or NaN where there is no such root: no comparison below then holds
@@ -189,14 +189,14 @@ def meet_pieces(kind, count, field, rays, eye, columns, listed, tags, keys, part
 @ordered
 def list_pieces(block, count, field, patches, views, size, boxes, lists, keys, part):
     # cut the boxes of a block's patches into pieces and list them; lists that are full are met
-    corners, places, masks, numbers = patches
+    corners, cells, masks, numbers = patches
     pixels, rays, eyes, _, _ = views
     columns, rows = size
     counts, listed, tags = lists
     for k in range(count):
         if boxes[X0, k] > boxes[X1, k]:
             continue
-        if boxes[BEHIND, k] > 0.0 and beyond_picture(block, k, field, places, corners, pixels, columns, rows):
+        if boxes[BEHIND, k] > 0.0 and beyond_picture(block, k, field, cells, corners, pixels, columns, rows):
             continue
         x0, x1, y0, y1 = int(boxes[X0, k]), int(boxes[X1, k]), int(boxes[Y0, k]), int(boxes[Y1, k])
         for y in range(y0, y1 + 1, 2):
@@ -204,7 +204,7 @@ def list_pieces(block, count, field, patches, views, size, boxes, lists, keys, p
                 kind = (1 if x < x1 else 0) + (2 if y < y1 else 0)
                 n = counts[kind]
                 listed[kind, PX, n], listed[kind, PY, n] = x, y
-                listed[kind, CI, n], listed[kind, CJ, n] = places[block, 0, k], places[block, 1, k]
+                listed[kind, CI, n], listed[kind, CJ, n] = cells[block, 0, k], cells[block, 1, k]
                 listed[kind, A, n], listed[kind, B, n] = corners[block, 0, k], corners[block, 1, k]
                 listed[kind, C, n], listed[kind, E, n] = corners[block, 2, k], corners[block, 3, k]
                 listed[kind, T, n] = boxes[NEAR, k]
@@ -220,11 +220,11 @@ def list_pieces(block, count, field, patches, views, size, boxes, lists, keys, p
 
 
 @ordered
-def beyond_picture(block, k, field, places, corners, pixels, columns, rows):
+def beyond_picture(block, k, field, cells, corners, pixels, columns, rows):
     # a patch that reaches behind the eye: is all of it beyond one side of the picture, or behind?
     left, right, above, below, behind = True, True, True, True, True
     for corner in range(4):
-        u, v = places[block, 0, k] + float(corner & 1), places[block, 1, k] + float(corner >> 1)
+        u, v = cells[block, 0, k] + float(corner & 1), cells[block, 1, k] + float(corner >> 1)
         d = float(corners[block, corner, k])
         x = pixels[field, 0, 0] * u + pixels[field, 0, 1] * v + pixels[field, 0, 2] * d + pixels[field, 0, 3]
         y = pixels[field, 1, 0] * u + pixels[field, 1, 1] * v + pixels[field, 1, 2] * d + pixels[field, 1, 3]
@@ -241,7 +241,7 @@ def beyond_picture(block, k, field, places, corners, pixels, columns, rows):
 def project_patches(patches, blocks, bounds, views, size, keys):
     # blocks (B, 2) i64: field, count; bounds (B, 10) f64: see skip_block; keys (parts, rows * columns) i64: one picture
     # per part
-    corners, places, _, _ = patches
+    corners, cells, _, _ = patches
     pixels, rays, eyes, signs, perspective = views
     columns, rows = size
     parts = keys.shape[0]
@@ -255,7 +255,7 @@ def project_patches(patches, blocks, bounds, views, size, keys):
             field, count = blocks[block, 0], blocks[block, 1]
             if not skip_block(block, field, bounds, pixels, rays, columns, rows):
                 bound_boxes(
-                    block, count, field, corners, places, pixels, perspective[field], signs[field], columns, rows, boxes
+                    block, count, field, corners, cells, pixels, perspective[field], signs[field], columns, rows, boxes
                 )
                 list_pieces(block, count, field, patches, views, size, boxes, (counts, listed, tags), keys, part)
             if block + parts >= len(blocks) or blocks[block + parts, 0] != field:

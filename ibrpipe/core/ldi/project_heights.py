@@ -73,10 +73,10 @@ def meet_listed(listed, count, rays, eye, depth, ids):
         i, j = listed[2 * LIST + n], listed[3 * LIST + n]
         a, b, c, e = listed[4 * LIST + n], listed[5 * LIST + n], listed[6 * LIST + n], listed[7 * LIST + n]
         near = listed[8 * LIST + n]
-        way = (
+        direction = (
             r00 * px + r01 * py + r02, r10 * px + r11 * py + r12, r20 * px + r21 * py + r22, r30 * px + r31 * py + r32
         )  # fmt: skip
-        A, B, C, u, v, q, du, dv, dq = patch_quadratic((s0, s1, s2, s3), way, i, j, (a, b, c, e), near)
+        A, B, C, u, v, q, du, dv, dq = patch_quadratic((s0, s1, s2, s3), direction, i, j, (a, b, c, e), near)
         square = B * B - 4.0 * A * C
         w = -0.5 * (B + math.copysign(math.sqrt(square if square > 0.0 else 0.0), B))
         one, two = C / w, w / A  # infinite or NaN where there is no such root: no comparison below then holds

@@ -3,11 +3,11 @@
 The ray walks the blocks of the pyramid in ray order: it steps over a block whose depth range it misses, descends into
 one that it may hit, and meets the patches of a cell exactly. See :mod:`ibrpipe.core.rays` for the coordinates.
 
-Symbols: p, q in [0, 1] place in a cell; ``g(s) = d(s) - bilinear(p(s), q(s))``, a hit is a root of g; a *front* hit is
-a root where g rises (the ray passes to greater depth).
+Symbols: p, q in [0, 1] position in a cell; ``g(s) = d(s) - bilinear(p(s), q(s))``, a hit is a root of g; a *front* hit
+is a root where g rises (the ray passes to greater depth).
 
-Packed arguments: ``place`` (u, v, d) of a ray at s = 0 and ``way`` (du, dv, dd) to s = 1; ``corners`` (a, b, c, e)
-depths at (0, 0), (1, 0), (0, 1), (1, 1); ``pyramid`` (nodes, meta, grid), grid = (lowest depth, steps per depth);
+Packed arguments: ``position`` (u, v, d) of a ray at s = 0 and ``direction`` (du, dv, dd) to s = 1; ``corners`` (a, b,
+c, e) depths at (0, 0), (1, 0), (0, 1), (1, 1); ``pyramid`` (nodes, meta, grid), grid = (lowest depth, steps per depth);
 ``leaves`` (height, cells, corners, masks): see renderers.search.quadtree.Sheet; ``view`` (start (4,), Q_of (4, 3)).
 """
 
@@ -28,7 +28,7 @@ OVERLAP = 1e-9
 
 @fused
 def accept_root(s, least, slope, front, mask, p, q, slack):
-    # least: least s that counts; p, q: place in the cell at the root, which may lie `slack` outside
+    # least: least s that counts; p, q: position in the cell at the root, which may lie `slack` outside
     if not (least <= s <= 1.0 + OVERLAP) or (front and slope <= 0.0):
         return False
     if not (-slack <= p <= 1.0 + slack and -slack <= q <= 1.0 + slack):
@@ -40,11 +40,11 @@ def accept_root(s, least, slope, front, mask, p, q, slack):
 
 
 @fused
-def meet_patch(corners, mask, place, way, least, front, slack):
-    # place, way: in the coordinates of the cell -> nearest s or inf
+def meet_patch(corners, mask, position, direction, least, front, slack):
+    # position, direction: in the coordinates of the cell -> nearest s or inf
     a, b, c, e = corners
-    p, q, d = place
-    dp, dq, dd = way
+    p, q, d = position
+    dp, dq, dd = direction
     twist = a - b - c + e
     A = -twist * dp * dq
     B = dd - ((b - a) * dp + (c - a) * dq + twist * (p * dq + q * dp))
@@ -65,31 +65,31 @@ def meet_patch(corners, mask, place, way, least, front, slack):
 
 
 @fused
-def meet_cell(leaves, column, row, columns, place, way, near, front, slack):
+def meet_cell(leaves, column, row, columns, position, direction, near, front, slack):
     # nearest (s, patch) in the cell, s = inf if none; near: camera depth at s = 0, where the eye itself is no hit
     height, cells, corners, masks = leaves
-    here = (place[0] - column, place[1] - row, place[2])
+    here = (position[0] - column, position[1] - row, position[2])
     least = -OVERLAP if near > 0.0 else OVERLAP
     patch = row * columns + column
     if cells.shape[0] == 0:
         a, b = float(height[row, column]), float(height[row, column + 1])
         c, e = float(height[row + 1, column]), float(height[row + 1, column + 1])
-        return meet_patch((a, b, c, e), 15, here, way, least, front, slack), patch
+        return meet_patch((a, b, c, e), 15, here, direction, least, front, slack), patch
     patch = np.int64(cells[patch])
     if patch < 0:
         return np.inf, patch
     a, b = float(corners[patch, 0]), float(corners[patch, 1])
     c, e = float(corners[patch, 2]), float(corners[patch, 3])
-    return meet_patch((a, b, c, e), masks[patch], here, way, least, front, slack), patch
+    return meet_patch((a, b, c, e), masks[patch], here, direction, least, front, slack), patch
 
 
 @helper
-def walk_ray(pyramid, leaves, columns, rows, place, way, near_t, front):
+def walk_ray(pyramid, leaves, columns, rows, position, direction, near_t, front):
     # ray from s = 0 to 1 -> (s, patch, column, row); s = inf for a miss; near_t: as near in meet_cell
     nodes, meta, grid = pyramid
     low, scale = grid
-    u, v, d = place
-    du, dv, dd = way
+    u, v, d = position
+    du, dv, dd = direction
     right, below = (1 if du > 0.0 else 0), (1 if dv > 0.0 else 0)
     i, j = min(max(int(u), 0), columns - 1), min(max(int(v), 0), rows - 1)
     level, top, s = len(meta) - 1, len(meta) - 1, 0.0
@@ -107,7 +107,7 @@ def walk_ray(pyramid, leaves, columns, rows, place, way, near_t, front):
             if level > 0:
                 level -= 1
                 continue
-            hit, patch = meet_cell(leaves, i, j, columns, place, way, near_t, front, OVERLAP)
+            hit, patch = meet_cell(leaves, i, j, columns, position, direction, near_t, front, OVERLAP)
             if hit < np.inf:
                 return hit, patch, i, j
         if leave >= 1.0:

@@ -26,11 +26,11 @@ def agrees(views, others, n, x, y, q, nx, ny, nz, lens, limits):
     if not (u >= 0.0 and v >= 0.0 and u < views[n, 12] and v < views[n, 13]):
         return False
     column, row = math.floor(u), math.floor(v)
-    place = np.int64(row) * np.int64(views[n, 14]) + np.int64(column)
-    a, b = others[n, 1, place], others[n, 2, place]
-    if not others[n, 0, place] > 0.0:
+    pixel_idx = np.int64(row) * np.int64(views[n, 14]) + np.int64(column)
+    a, b = others[n, 1, pixel_idx], others[n, 2, pixel_idx]
+    if not others[n, 0, pixel_idx] > 0.0:
         return False
-    back = others[n, 0, place] + a * (u - column - 0.5) + b * (v - row - 0.5)
+    back = others[n, 0, pixel_idx] + a * (u - column - 0.5) + b * (v - row - 0.5)
     r = views[n, 22] * u + views[n, 23] * v + views[n, 24] + views[n, 27] * back
     if not (r > 1e-6 and back > 0.0 and abs(r * q / back - 1.0) < limits[1]):
         return False

@@ -80,7 +80,7 @@ def weigh(reference, i, j, softness, work):
 
 
 @fused_exact
-def place(u0, v0, w0, ux, uy, vx, vy, wx, wy, right, bottom, work):
+def project_samples(u0, v0, w0, ux, uy, vx, vy, wx, wy, right, bottom, work):
     # where the samples fall in the neighbour, in pixels from the centre of its first; kept inside it
     for k in range(LANES):
         w = ONE / fma(wx, work[DX + k], fma(wy, work[DY + k], w0))
@@ -129,7 +129,7 @@ def plane_cost(views, pictures, n, p0, p1, p2, q, a, b, variance, work):
     cost = UNSEEN
     if w0 > TINY and u0 >= ZERO and v0 >= ZERO and u0 < views[n, 12] * w0 and v0 < views[n, 13] * w0:
         right, bottom = views[n, 12] - np.float32(1.001), views[n, 13] - np.float32(1.001)
-        place(
+        project_samples(
             u0, v0, w0, views[n, 0] + m0 * a, views[n, 1] + m0 * b, views[n, 3] + m1 * a, views[n, 4] + m1 * b,
             views[n, 6] + m2 * a, views[n, 7] + m2 * b, right, bottom, work,
         )  # fmt: skip

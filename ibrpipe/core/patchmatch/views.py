@@ -4,7 +4,7 @@ Source: xu2019, sec. 3.3 and 4.1 (joint view selection, geometric consistency). 
 taken, by their weights, instead of all that pass a count.
 
 Symbols: m_ij cost of plane i in view j. A neighbour is a row of 32 numbers: 0-8 M and 9-11 m (pixel of a reference
-pixel p with inverse depth q: M p + m q), 12 width, 13 height, 14 row length, 16-24 and 25-27 M and m of the way back.
+pixel p with inverse depth q: M p + m q), 12 width, 13 height, 14 row length, 16-24 and 25-27 M and m from there back.
 """
 
 from __future__ import annotations

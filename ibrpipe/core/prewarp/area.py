@@ -62,21 +62,21 @@ def empty(cells, count):
 
 
 @fused
-def filter_line(places, carried, joined, first, last, step, way, low, high, cells, surface):
-    # segments first .. last of a line in order, their places rising (way 1) or falling (-1) where they are seen; low,
-    # high: places, between which pixels are covered -> the number of the last surface
-    stop = places[last]
+def filter_line(positions, carried, joined, first, last, step, sign, low, high, cells, surface):
+    # segments first .. last of a line in order, their positions rising (sign 1) or falling (-1) where they are seen;
+    # low, high: positions, between which pixels are covered -> the number of the last surface
+    stop = positions[last]
     for o in range((last - first) * step):
         i = first + o * step
         n = i + step
-        a, b = places[i], places[n]
+        a, b = positions[i], positions[n]
         if not (a == a and b == b) or joined[i if step > 0 else n] == 0:
             surface += ONE
             continue
         lower, upper = max(min(a, b), low), min(max(a, b), high)
-        if (b - a) * way <= ZERO:  # runs back: hidden, but beyond the last texel
+        if (b - a) * sign <= ZERO:  # runs back: hidden, but beyond the last texel
             surface += ONE
-            lower, upper = (max(lower, stop), upper) if way > ZERO else (lower, min(upper, stop))
+            lower, upper = (max(lower, stop), upper) if sign > ZERO else (lower, min(upper, stop))
         if lower >= upper:
             continue
         x = int(np.floor(lower + HALF))
@@ -98,20 +98,20 @@ def filter_line(places, carried, joined, first, last, step, way, low, high, cell
 
 
 @kernel
-def area_rows(places, color, breaks, sides, foot, window, out):
-    # places (2, H, W) f32: place of every texel, counted from the first pixel's centre, and what is carried, NaN = hole
-    # color (H, W, 3) f32; breaks as in core.prewarp; sides (2, 5) i64: first texel, last in order, step, way, 1 = used;
-    # foot f64: where the first side ends and the second begins; window i64: first row, last row + 1
+def area_rows(positions, color, breaks, sides, foot, window, out):
+    # positions (2, H, W) f32: position of every texel, counted from the first pixel's centre, and what is carried; NaN
+    # = hole; color (H, W, 3) f32; breaks as in core.prewarp; sides (2, 5) i64: first texel, last in order, step, sign,
+    # 1 = used; foot f64: where the first side ends and the second begins; window i64: first row, last row + 1
     # out (H, count, 4) f32: colour and carried number, NaN = nothing
     count, broken = out.shape[1], breaks.shape[0] > 0
     edge = np.float32(foot)
     for job in prange(window[1] - window[0]):
         k = window[0] + np.int64(job)
         cells = np.empty((count, HELD), np.float32)
-        carried = np.empty((places.shape[2], 4), np.float32)
-        joined = np.ones(places.shape[2], np.uint8)
-        for i in range(places.shape[2]):
-            carried[i, 3] = places[1, k, i]
+        carried = np.empty((positions.shape[2], 4), np.float32)
+        joined = np.ones(positions.shape[2], np.uint8)
+        for i in range(positions.shape[2]):
+            carried[i, 3] = positions[1, k, i]
             for c in range(3):
                 carried[i, c] = color[k, i, c]
             if broken and breaks[k, i] & 1:
@@ -123,7 +123,7 @@ def area_rows(places, color, breaks, sides, foot, window, out):
             if side[4] == 0:
                 continue
             low, high = (-HALF, edge) if n == 0 else (edge, np.float32(count) - HALF)
-            surface = filter_line(places[0, k], carried, joined, side[0], side[1], side[2], np.float32(side[3]),
+            surface = filter_line(positions[0, k], carried, joined, side[0], side[1], side[2], np.float32(side[3]),
                                   low, high, cells, surface)  # fmt: skip
         finish(cells, count, out[k])
 
@@ -149,7 +149,7 @@ def area_columns(values, lines, wall, eye, gap, sides, foot, out):
         x = np.int64(job)
         cells = np.empty((rows, HELD), np.float32)
         carried = np.empty((values.shape[0], 4), np.float32)
-        places = np.empty(values.shape[0], np.float32)
+        positions = np.empty(values.shape[0], np.float32)
         joined = np.ones(values.shape[0], np.uint8)
         before = HOLE
         for k in range(first, last + 1):
@@ -157,7 +157,7 @@ def area_columns(values, lines, wall, eye, gap, sides, foot, out):
             for c in range(3):
                 carried[k, c] = values[k, x, c]
             carried[k, 3] = lines[2, k] if wall else value
-            places[k] = lines[0, k] + lines[1, k] * value
+            positions[k] = lines[0, k] + lines[1, k] * value
             deep = value if wall else h * value / (ONE + value)
             if k > first and abs(deep - before) > gap:
                 joined[k - 1] = 0
@@ -169,7 +169,7 @@ def area_columns(values, lines, wall, eye, gap, sides, foot, out):
             if side[4] == 0:
                 continue
             low, high = (-HALF, edge) if n == 0 else (edge, np.float32(rows) - HALF)
-            surface = filter_line(places, carried, joined, side[0], side[1], side[2], np.float32(side[3]), low, high,
+            surface = filter_line(positions, carried, joined, side[0], side[1], side[2], np.float32(side[3]), low, high,
                                   cells, surface)  # fmt: skip
         finish(cells, rows, out[PAD : PAD + rows, x])
 
@@ -181,27 +181,28 @@ def blend(color, k, i, channel, wa, wb, wc, wd):
 
 
 @fused
-def cover_cell(places, color, k, i, left, top, begin, same, cells):
+def cover_cell(positions, color, k, i, left, top, begin, same, cells):
     # one cell of the pipelined method: what it covers of the columns that `cells` holds from `begin` on
-    a, b, c, d = places[0, k, i], places[0, k, i + 1], places[0, k + 1, i], places[0, k + 1, i + 1]
+    a, b, c, d = positions[0, k, i], positions[0, k, i + 1], positions[0, k + 1, i], positions[0, k + 1, i + 1]
     if not (a == a and b == b and c == c and d == d):
         return
     low = max(min(min(a, b), min(c, d)) - np.float32(left), np.float32(begin))
     high = min(max(max(a, b), max(c, d)) - np.float32(left), np.float32(begin + cells.shape[0]))
     if low >= high:
         return
-    turn = (b - a) * (places[1, k + 1, i] - places[1, k, i]) - (c - a) * (places[1, k, i + 1] - places[1, k, i])
-    x0, y0 = HALF * (a + c), HALF * (places[1, k, i] + places[1, k, i + 1])
-    across, down = HALF * (b + d) - x0, HALF * (places[1, k + 1, i] + places[1, k + 1, i + 1]) - y0
+    right, below = positions[1, k, i + 1] - positions[1, k, i], positions[1, k + 1, i] - positions[1, k, i]
+    orientation = (b - a) * below - (c - a) * right
+    x0, y0 = HALF * (a + c), HALF * (positions[1, k, i] + positions[1, k, i + 1])
+    across, down = HALF * (b + d) - x0, HALF * (positions[1, k + 1, i] + positions[1, k + 1, i + 1]) - y0
     column = int(np.floor(low))
     while np.float32(column) < high:
         first, end = max(low, np.float32(column)), min(high, np.float32(column + 1))
         x = HALF * (first + end) + np.float32(left)
         span = (np.float32(np.inf), ONE, np.float32(-np.inf), ONE)
-        span = meet_edge(places, k, i, k, i + 1, x, span)
-        span = meet_edge(places, k + 1, i, k + 1, i + 1, x, span)
-        span = meet_edge(places, k, i, k + 1, i, x, span)
-        span = meet_edge(places, k, i + 1, k + 1, i + 1, x, span)
+        span = meet_edge(positions, k, i, k, i + 1, x, span)
+        span = meet_edge(positions, k + 1, i, k + 1, i + 1, x, span)
+        span = meet_edge(positions, k, i, k + 1, i, x, span)
+        span = meet_edge(positions, k, i + 1, k + 1, i + 1, x, span)
         lower, g, upper, g_upper = span
         bottom, ceiling = max(lower - np.float32(top), ZERO), min(upper - np.float32(top), np.float32(cells.shape[1]))
         if lower < upper and bottom < ceiling and end > first:
@@ -211,7 +212,7 @@ def cover_cell(places, color, k, i, left, top, begin, same, cells):
                 if stop > start:
                     cell = cells[column - begin, row]
                     here = g + (HALF * (start + stop) + np.float32(top) - lower) * slope
-                    sign = ONE if turn >= ZERO else NONE
+                    sign = ONE if orientation >= ZERO else NONE
                     mean = cell[3] / max(cell[FRONT], TINY)
                     near = abs(here - mean) <= same * (ONE + here) * (ONE + here)
                     surface = cell[SURFACE]
@@ -236,7 +237,7 @@ def cover_cell(places, color, k, i, left, top, begin, same, cells):
 
 
 @kernel
-def area_cells(places, color, breaks, ranges, feet, window, same, out):
+def area_cells(positions, color, breaks, ranges, feet, window, same, out):
     # as prewarp_pipelined.pipeline, ranges for stripes of STRIPE here; color (H, W, 3) f32; same: greatest difference
     # of shifts over (1 + g)^2 on one surface; out (PAD + rows + PAD, stride, 4) f32: colour and shift
     first, last, count, left, top, order = window[0], window[1], window[2], window[3], window[4], window[5]
@@ -256,7 +257,7 @@ def area_cells(places, color, breaks, ranges, feet, window, same, out):
                 i = low + n if n < centre - low else high - 1 - (n - (centre - low))
                 if broken and (breaks[k, i] | (breaks[k + 1, i] & 1) | (breaks[k, i + 1] & 2)) > 0:
                     continue
-                cover_cell(places, color, k, i, left, top, begin, limit, cells)
+                cover_cell(positions, color, k, i, left, top, begin, limit, cells)
         for x in range(width):
             finish(cells[x], rows, out[PAD : PAD + rows, begin + x])
 

@@ -8,8 +8,8 @@ from numba import prange
 from ibrpipe.core.jit import fused, kernel
 from ibrpipe.core.prewarp.rows import HOLE, LANES, ONE, PAD, ZERO
 
-#: where places and values (of two rows in turn), first and second values and slopes begin in the working memory
-PLACES, VALUES, FIRSTS, SECONDS, SLOPES = 0, 2 * LANES, 4 * LANES, 5 * LANES, 6 * LANES
+#: where positions and values (of two rows in turn), first and second values and slopes begin in the working memory
+POSITIONS, VALUES, FIRSTS, SECONDS, SLOPES = 0, 2 * LANES, 4 * LANES, 5 * LANES, 6 * LANES
 #: where rows that are kept begin in it
 KEPT = 7 * LANES
 #: where cells of two rows, least and greatest cell, and counts of holes begin in the working memory of integers
@@ -22,7 +22,7 @@ def paint_column(values, lines, wall, h, gap, lane, x, side, out):
     begin, end, count = side[4], side[5], out.shape[0] - 2 * PAD
     for y in range(begin, end):
         out[y + PAD, x] = HOLE
-    joined, cell, place, shift, depth = False, np.int64(0), ZERO, ZERO, ZERO
+    joined, cell, position, shift, depth = False, np.int64(0), ZERO, ZERO, ZERO
     for o in range((side[1] - side[0]) * side[2] + 1):
         k = side[0] + o * side[2]
         value = values[k, lane]
@@ -34,21 +34,21 @@ def paint_column(values, lines, wall, h, gap, lane, x, side, out):
         deep = value if wall else h * value / (ONE + value)
         c = np.int64(np.ceil(min(max(to, ZERO), np.float32(count))))
         if joined and c != cell and abs(deep - depth) <= gap:
-            slope = (g - shift) / (to - place)
+            slope = (g - shift) / (to - position)
             for y in range(max(min(c, cell), begin), min(max(c, cell), end)):
                 out[y + PAD, x] = g + (np.float32(y) - to) * slope
-        joined, cell, place, shift, depth = True, c, to, g, deep
+        joined, cell, position, shift, depth = True, c, to, g, deep
 
 
 @fused
 def place_row(values, lines, wall, k, least, most, half, buf, cells):
-    # places, values and cells of row k; `half`: which of the two rows kept -> how many lanes hold something
+    # positions, values and cells of row k; `half`: which of the two rows kept -> how many lanes hold something
     base, gain, own = lines[0, k], lines[1, k], lines[2, k]
     row, some = values[k], np.int32(0)
     for lane in range(LANES):
         value = row[lane]
         to = base + gain * value if value == value else ZERO
-        buf[PLACES + half + lane] = to
+        buf[POSITIONS + half + lane] = to
         buf[VALUES + half + lane] = (own if value == value else HOLE) if wall else value
         cell = np.int32(np.ceil(min(max(to, least), most)))
         cells[half + lane] = cell
@@ -91,7 +91,7 @@ def pass_columns(values, lines, wall, h, gap, x, side, buf, cells, out):
         cells[LOWEST + lane], cells[HIGHEST + lane] = np.int32(count), np.int32(0)
         holes += np.int32(0) if cells[BAD + lane] == 0 else np.int32(1)
     total = (side[1] - side[0]) * side[2]
-    way = np.float32(1.0 if rising else -1.0)
+    sign = np.float32(1.0 if rising else -1.0)
     ahead, start = ZERO if rising else ONE, np.uint64(x)
     for o in range(total + 1):
         half, other = (o & 1) * LANES, ((o + 1) & 1) * LANES
@@ -101,11 +101,11 @@ def pass_columns(values, lines, wall, h, gap, x, side, buf, cells, out):
         if o == 0 or some == 0:
             continue
         for lane in range(LANES):
-            place, g = buf[PLACES + other + lane], buf[VALUES + other + lane]
-            run = buf[PLACES + half + lane] - place
+            position, g = buf[POSITIONS + other + lane], buf[VALUES + other + lane]
+            run = buf[POSITIONS + half + lane] - position
             slope = (buf[VALUES + half + lane] - g) / (run if run != ZERO else ONE)
-            value = g + (np.float32(cells[other + lane]) - ahead - place) * slope
-            buf[FIRSTS + lane], buf[SECONDS + lane] = value, value + way * slope
+            value = g + (np.float32(cells[other + lane]) - ahead - position) * slope
+            buf[FIRSTS + lane], buf[SECONDS + lane] = value, value + sign * slope
             buf[SLOPES + lane] = slope
         if holes == LANES:
             pass
@@ -171,11 +171,11 @@ def find_holes(values, wall, h, gap, first, last, cells):
 
 @kernel
 def warp_columns(values, lines, wall, eye, gap, sides, columns, out):
-    # values (blocks, >= H, LANES) f32 from the first pass; lines (3, H) f32: a row's place, counted
+    # values (blocks, >= H, LANES) f32 from the first pass; lines (3, H) f32: a row's position, counted
     # from the centre of the first pixel, is lines[0] + lines[1] * value, its shift lines[2] (wall) or the value itself
     # eye f64: h from the plane; gap: greatest step of depth between joined samples
-    # sides (2, 6) i64: first row, last row in order, step, 1 = places rise in order, -1 = they fall, first pixel, last
-    # pixel + 1; the first side ends where the second begins
+    # sides (2, 6) i64: first row, last row in order, step, 1 = positions rise in order, -1 = they fall, first pixel,
+    # last pixel + 1; the first side ends where the second begins
     # out (PAD + count + PAD, stride) f32: shift at pixel centres, NaN = nothing; what lies in the PAD is void
     h, count = np.float32(eye), out.shape[0] - 2 * PAD
     first = min(min(sides[0, 0], sides[0, 1]), min(sides[1, 0], sides[1, 1]))

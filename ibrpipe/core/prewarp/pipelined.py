@@ -44,14 +44,14 @@ def place_texels(height, codes, table, eye, shifts, lines, window, axis, out):
 
 
 @fused
-def meet_edge(places, ka, ia, kb, ib, x, span):
+def meet_edge(positions, ka, ia, kb, ib, x, span):
     # widen span (least q, its g, greatest q, its g) by where the edge between two texels meets the line x
-    pa, pb = places[0, ka, ia], places[0, kb, ib]
+    pa, pb = positions[0, ka, ia], positions[0, kb, ib]
     if (pa <= x) == (pb <= x):
         return span
     t = (x - pa) / (pb - pa)
-    q = places[1, ka, ia] + t * (places[1, kb, ib] - places[1, ka, ia])
-    g = places[2, ka, ia] + t * (places[2, kb, ib] - places[2, ka, ia])
+    q = positions[1, ka, ia] + t * (positions[1, kb, ib] - positions[1, ka, ia])
+    g = positions[2, ka, ia] + t * (positions[2, kb, ib] - positions[2, ka, ia])
     low, g_low, high, g_high = span
     if q < low:
         low, g_low = q, g
@@ -61,8 +61,8 @@ def meet_edge(places, ka, ia, kb, ib, x, span):
 
 
 @fused
-def put_cell(places, k, i, begin, end, left, top, out):
-    a, b, c, d = places[0, k, i], places[0, k, i + 1], places[0, k + 1, i], places[0, k + 1, i + 1]
+def put_cell(positions, k, i, begin, end, left, top, out):
+    a, b, c, d = positions[0, k, i], positions[0, k, i + 1], positions[0, k + 1, i], positions[0, k + 1, i + 1]
     if not (a == a and b == b and c == c and d == d):
         return
     low, high = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
@@ -74,10 +74,10 @@ def put_cell(places, k, i, begin, end, left, top, out):
     for column in range(first, last):
         x = np.float32(column + left) + HALF
         span = (np.float32(np.inf), ONE, np.float32(-np.inf), ONE)
-        span = meet_edge(places, k, i, k, i + 1, x, span)
-        span = meet_edge(places, k + 1, i, k + 1, i + 1, x, span)
-        span = meet_edge(places, k, i, k + 1, i, x, span)
-        span = meet_edge(places, k, i + 1, k + 1, i + 1, x, span)
+        span = meet_edge(positions, k, i, k, i + 1, x, span)
+        span = meet_edge(positions, k + 1, i, k + 1, i + 1, x, span)
+        span = meet_edge(positions, k, i, k + 1, i, x, span)
+        span = meet_edge(positions, k, i + 1, k + 1, i + 1, x, span)
         lower, g, upper, g_upper = span
         if not lower < upper:
             continue
@@ -89,7 +89,7 @@ def put_cell(places, k, i, begin, end, left, top, out):
 
 
 @fused
-def put_row(places, breaks, k, first, last, foot, begin, end, left, top, out):
+def put_row(positions, breaks, k, first, last, foot, begin, end, left, top, out):
     # cells of row k toward the foot from both sides, its own cell last
     middle = min(max(foot, first), last)
     broken = breaks.shape[0] > 0
@@ -102,15 +102,15 @@ def put_row(places, breaks, k, first, last, foot, begin, end, left, top, out):
             i = middle
         if broken and (breaks[k, i] | (breaks[k + 1, i] & 1) | (breaks[k, i + 1] & 2)) > 0:
             continue
-        put_cell(places, k, i, begin, end, left, top, out)
+        put_cell(positions, k, i, begin, end, left, top, out)
 
 
 @kernel
-def pipeline(places, breaks, ranges, feet, window, out):
-    # places (3, H, W) from place_texels; breaks (H, W) u8, bit 0: not joined to the right, bit 1: not to below; empty =
-    # all are; ranges (stripes, 2) i64 first and last texel that can reach a stripe; feet i64: last texel and row not
-    # beyond the foot; window i64: first row, last row, count of columns, left, top, order (1 rows ascend, -1 descend, 0
-    # both to foot) out (rows, stride) f32: shift at pixel centres, NaN = nothing
+def pipeline(positions, breaks, ranges, feet, window, out):
+    # positions (3, H, W) from place_texels; breaks (H, W) u8, bit 0: not joined to the right, bit 1: not to below;
+    # empty = all are; ranges (stripes, 2) i64 first and last texel that can reach a stripe; feet i64: last texel and
+    # row not beyond the foot; window i64: first row, last row, count of columns, left, top, order (1 rows ascend, -1
+    # descend, 0 both to foot); out (rows, stride) f32: shift at pixel centres, NaN = nothing
     first, last, count, left, top, order = window[0], window[1], window[2], window[3], window[4], window[5]
     middle = last if order > 0 else first if order < 0 else min(max(feet[1], first), last)
     for stripe in prange(ranges.shape[0]):
@@ -120,7 +120,7 @@ def pipeline(places, breaks, ranges, feet, window, out):
             for x in range(begin, end):
                 out[y, x] = HOLE
         for k in range(first, middle):
-            put_row(places, breaks, k, ranges[stripe, 0], ranges[stripe, 1], feet[0], begin, end, left, top, out)
+            put_row(positions, breaks, k, ranges[stripe, 0], ranges[stripe, 1], feet[0], begin, end, left, top, out)
         for back in range(last - middle):
             k = last - 1 - back
-            put_row(places, breaks, k, ranges[stripe, 0], ranges[stripe, 1], feet[0], begin, end, left, top, out)
+            put_row(positions, breaks, k, ranges[stripe, 0], ranges[stripe, 1], feet[0], begin, end, left, top, out)

@@ -29,10 +29,10 @@ from numba import prange
 
 from ibrpipe.core.jit import fused, helper, kernel
 
-#: greatest number of texels or pixels in a line; constant places in the working memory let loops be vectorised
+#: greatest number of texels or pixels in a line; constant positions in the working memory let loops be vectorised
 SPAN = 8192
 #: where positions, slopes, first and second values begin in the working memory of a row
-PLACES, SLOPES, FIRSTS, SECONDS = SPAN, 2 * SPAN, 3 * SPAN, 4 * SPAN
+POSITIONS, SLOPES, FIRSTS, SECONDS = SPAN, 2 * SPAN, 3 * SPAN, 4 * SPAN
 #: pixels on both sides of a line that texels may scribble on, and where the line begins
 PAD = 2
 LINE = 5 * SPAN + PAD
@@ -76,15 +76,15 @@ def store(buf, out, k, count):
 
 
 @fused
-def place(buf, cells, count, begin, eye, zoom, shift, edge, top):
-    # shifts in buf -> places and cells of texels begin .. begin + count - 1; `edge`: first pixel beyond the foot
+def shift_texels(buf, cells, count, begin, eye, zoom, shift, edge, top):
+    # shifts in buf -> positions and cells of texels begin .. begin + count - 1; `edge`: first pixel beyond the foot
     # returns the number of holes, and of texels that move
     holes, moved = np.int32(0), np.int32(0)
     for j in range(count):
         g, u = buf[j], np.float32(np.int32(j)) + begin
         x = zoom * (u + (u - eye) * g) + shift
         x = x if g > NONE else (-BEYOND if u < eye else BEYOND)
-        buf[PLACES + j] = x
+        buf[POSITIONS + j] = x
         x = max(x, ZERO if u <= eye else edge)
         buf[FIRSTS + j] = np.ceil(min(x, edge if u <= eye else top))
         holes += np.int32(0) if g == g else np.int32(1)
@@ -96,10 +96,10 @@ def place(buf, cells, count, begin, eye, zoom, shift, edge, top):
 
 @fused
 def rise(buf, cells, last, split):
-    # texels 0 .. last, places rising toward the foot -> pixels below `split`
+    # texels 0 .. last, positions rising toward the foot -> pixels below `split`
     for j in range(last):
-        x, g = buf[PLACES + j], buf[j]
-        run = buf[PLACES + 1 + j] - x
+        x, g = buf[POSITIONS + j], buf[j]
+        run = buf[POSITIONS + 1 + j] - x
         slope = (buf[1 + j] - g) / (run if run != ZERO else ONE)
         value = g + (np.float32(cells[j]) - x) * slope
         buf[SLOPES + j] = slope
@@ -118,12 +118,12 @@ def rise(buf, cells, last, split):
 
 @fused
 def fall(buf, cells, last, first, split):
-    # texels last .. first, places falling toward the foot -> pixels from `split` on
+    # texels last .. first, positions falling toward the foot -> pixels from `split` on
     base = np.uint64(first)
     for m in range(last - first):
         j = base + np.uint64(m)
-        x, g = buf[j + np.uint64(PLACES + 1)], buf[j + np.uint64(1)]
-        run = buf[j + np.uint64(PLACES)] - x
+        x, g = buf[j + np.uint64(POSITIONS + 1)], buf[j + np.uint64(1)]
+        run = buf[j + np.uint64(POSITIONS)] - x
         slope = (buf[j] - g) / (run if run != ZERO else ONE)
         value = g + (np.float32(cells[j + np.uint64(1)]) - ONE - x) * slope
         buf[j + np.uint64(SLOPES)] = slope
@@ -159,9 +159,9 @@ def paint(buf, cells, breaks, k, base, first, last, step, begin, end):
         if c == n:
             continue
         far = j if abs(buf[j]) <= abs(buf[j + step]) else j + step  # the end that is farther from the eye's plane
-        slope = (buf[j + step] - buf[j]) / (buf[PLACES + j + step] - buf[PLACES + j])
+        slope = (buf[j + step] - buf[j]) / (buf[POSITIONS + j + step] - buf[POSITIONS + j])
         for x in range(max(min(c, n), begin), min(max(c, n), end)):
-            buf[LINE + x] = buf[far] + (np.float32(x) - buf[PLACES + far]) * slope
+            buf[LINE + x] = buf[far] + (np.float32(x) - buf[POSITIONS + far]) * slope
 
 
 @kernel
@@ -197,7 +197,9 @@ def warp_rows(height, codes, table, breaks, eye, axis, window, out):
                     d = line[j] - ground
                     away = h - d
                     buf[j] = d / (away if abs(away) > tiny else -tiny)
-            holes, moved = place(buf, cells, last + 1, begin, e, zoom, shift, np.float32(split), np.float32(count))
+            holes, moved = shift_texels(
+                buf, cells, last + 1, begin, e, zoom, shift, np.float32(split), np.float32(count)
+            )
             if broken:
                 for i in range(first, window[3]):
                     holes += np.int32(breaks[k, i] & LONE)

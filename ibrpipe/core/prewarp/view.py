@@ -1,6 +1,6 @@
 """The second step of relief texture mapping: a pre-warped plane as the camera sees it. Source: oliveira2000, 3, 4.2.
 
-A pixel's ray meets the plane where a homography says; the shift g, read there bilinearly, places the surface on that
+A pixel's ray meets the plane where a homography says; the shift g, read there bilinearly, eye the surface on that
 very ray: camera depth is the plane's over ``1 + g``, and the texture's own coordinates follow, where the colour is read
 bilinearly, once. Near a jump of depth or a hole the nearest g is taken, so that nothing lies between two surfaces.
 
@@ -16,7 +16,7 @@ from ibrpipe.core.jit import helper, kernel
 
 #: owner of what is no surface
 NOBODY = 255
-#: pixels that are worked on together; constant places in the working memory
+#: pixels that are worked on together; constant eye in the working memory
 CHUNK = 256
 ONE, ZERO, HALF, MISS = (np.float32(x) for x in (1.0, 0.0, 0.5, np.inf))
 
@@ -126,17 +126,17 @@ def view_owner(owners, homography, bounds, out):
 
 
 @kernel
-def view_color(depth, before, owner, number, homography, places, color, size, out, alpha):
+def view_color(depth, before, owner, number, homography, eye, color, size, out, alpha):
     # depth (h, w) f32, before the same or empty = inf: where depth < before, this texture is seen; owner (h, w) u8,
     # empty, or it is seen where it says `number`; homography (2, 3)
-    # f64 gives the ways, places (2,) f64 the eye's u, v: a ray's u, v at camera depth t are places + t * way
+    # f64 gives the directions, eye (2,) f64 the eye's u, v: a ray's u, v at camera depth t are eye + t * direction
     # color (H W, 4) f32, size (H, W); out (h, w, 3), alpha (h, w) f32; all pixels are written where `before` is empty
     rows, columns = float(size[0] - 1), float(size[1] - 1)
     line, fresh = np.uint32(size[1]), before.shape[0] == 0 and owner.shape[0] == 0
     owned = owner.shape[0] > 0
     right, bottom = max(columns - 1.0, 0.0), max(rows - 1.0, 0.0)
     beside, below = np.uint64(1 if columns > 0 else 0), np.uint64(size[1] if rows > 0 else 0)
-    e_u, e_v = places[0] - 0.5, places[1] - 0.5
+    e_u, e_v = eye[0] - 0.5, eye[1] - 0.5
     for y in prange(depth.shape[0]):
         buf = np.empty(2 * CHUNK, np.float32)
         corner = np.empty(CHUNK, np.uint32)

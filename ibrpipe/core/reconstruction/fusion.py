@@ -52,10 +52,10 @@ def ray_of(rays, m, x, y):
 
 
 @helper
-def depth_on_plane(m, index, cameras, depth, normal, start, way):
-    """Return where the ray start + z way meets the tangent plane of a packed pixel of map m; NaN where too flat."""
+def depth_on_plane(m, index, cameras, depth, normal, start, direction):
+    """Return where the ray start + z direction meets the tangent plane of map m's packed pixel; NaN where too flat."""
     starts, sizes, _, rays, centers = cameras
-    (ox, oy, oz), (dx, dy, dz) = start, way
+    (ox, oy, oz), (dx, dy, dz) = start, direction
     local = index - starts[m]
     x, y = local % sizes[m, 1] + 0.5, local // sizes[m, 1] + 0.5
     rx, ry, rz = ray_of(rays, m, x, y)
@@ -90,13 +90,13 @@ def fuse_view(depth, normal, confidence, cameras, settings, used, out_mean, out_
                 out_normal[row, column, c] = normal[index, c]
             if not z > 0.0:
                 continue
-            way = ray_of(rays, 0, column + 0.5, row + 0.5)
+            direction = ray_of(rays, 0, column + 0.5, row + 0.5)
             weight = max(float(confidence[index]), 1e-3)
             total, mean, unsure = weight, weight * z, 1.0 - min(float(confidence[index]), 0.999)
             nx, ny, nz = weight * normal[index, 0], weight * normal[index, 1], weight * normal[index, 2]
             votes, through = 1, 0
             for m in range(1, sizes.shape[0]):
-                verdict, other, there = judge(m, z, index, way, depth, normal, packed, settings)
+                verdict, other, there = judge(m, z, index, direction, depth, normal, packed, settings)
                 if verdict < 0:
                     through += 1
                 elif verdict > 0:
@@ -118,22 +118,22 @@ def fuse_view(depth, normal, confidence, cameras, settings, used, out_mean, out_
                 out_normal[row, column, 2] = nz / length
             if votes >= settings[LEAST] and votes > through and used[index] == 0:
                 for m in range(1, sizes.shape[0]):
-                    verdict, other, there = judge(m, z, index, way, depth, normal, packed, settings)
+                    verdict, other, there = judge(m, z, index, direction, depth, normal, packed, settings)
                     if verdict > 0:
                         used[there] = 1
 
 
 @helper
-def judge(m, z, own, way, depth, normal, cameras, settings):
+def judge(m, z, own, direction, depth, normal, cameras, settings):
     """Ask map m about the point at depth z along a ray: 1 agrees, -1 looks through, 0 cannot say; its depth, pixel."""
     starts, sizes, projection, _, centers = cameras
     ox, oy, oz = centers[0, 0], centers[0, 1], centers[0, 2]
-    dx, dy, dz = way
+    dx, dy, dz = direction
     x, y, seen = project(projection, m, ox + z * dx, oy + z * dy, oz + z * dz)
     there = pixel_of(x, y, starts, sizes, m)
     if there < 0 or not depth[there] > 0.0:
         return 0, 0.0, -1
-    other = depth_on_plane(m, there, cameras, depth, normal, (ox, oy, oz), way)
+    other = depth_on_plane(m, there, cameras, depth, normal, (ox, oy, oz), direction)
     if not other > 0.0:
         other = z * depth[there] / seen
     bx, by, _ = project(projection, m, ox + other * dx, oy + other * dy, oz + other * dz)

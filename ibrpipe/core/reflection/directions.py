@@ -1,4 +1,4 @@
-"""Directions as places in an octahedral table, and back. Source: cigolle2014, sec. 2; the wrap across edges is ours.
+"""Directions as positions in an octahedral table, and back. Source: cigolle2014, sec. 2; the wrap across edges is ours.
 
 A table of n x n cells covers the unit square of the octahedral map; cell (0, 0)'s centre is at (0.5, 0.5) / n. It is
 read bilinearly from its *padded* form (n + 2, n + 2), whose border repeats the cells that lie across the folded edges:
@@ -13,7 +13,7 @@ from ibrpipe.core.jit import fused_exact
 
 
 @fused_exact
-def octahedral_place(x, y, z, size):
+def octahedral_position(x, y, z, size):
     # direction, any length but 0 -> (u, v) in [0.5, size + 0.5]: padded cell (i, j)'s centre is at (i, j)
     scale = 1.0 / (abs(x) + abs(y) + abs(z))
     u, v = x * scale, y * scale
@@ -24,8 +24,8 @@ def octahedral_place(x, y, z, size):
 
 @fused_exact
 def table_cell(x, y, z, size):
-    # direction -> (row and column of the nearer corner in the padded table, as one number; place in the cell)
-    u, v = octahedral_place(x, y, z, size)
+    # direction -> (row and column of the nearer corner in the padded table, as one number; position in the cell)
+    u, v = octahedral_position(x, y, z, size)
     i, j = min(int(u), size), min(int(v), size)
     return np.int32(j * (size + 2) + i), u - i, v - j
 

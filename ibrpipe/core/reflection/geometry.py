@@ -1,6 +1,6 @@
 """Where hits lie in their patches, and where light that reaches the eye from there came from.
 
-Places are homogeneous field coordinates (:mod:`ibrpipe.core.rays`): ``(x, y, n, q) = place @ (X, 1)``.
+Positions are homogeneous field coordinates (:mod:`ibrpipe.core.rays`): ``(x, y, n, q) = pose @ (X, 1)``.
 """
 
 import math
@@ -18,18 +18,18 @@ BLOCK = 128
 
 
 @fused_exact
-def place_in_patch(place, record, x, y, z):
+def patch_position(pose, record, x, y, z):
     # world point -> (p, q) in [0, 1] of the patch's cell; record: column, row, field, 0, samples
-    q = place[3, 0] * x + place[3, 1] * y + place[3, 2] * z + place[3, 3]
-    u = (place[0, 0] * x + place[0, 1] * y + place[0, 2] * z + place[0, 3]) / q - record[0]
-    v = (place[1, 0] * x + place[1, 1] * y + place[1, 2] * z + place[1, 3]) / q - record[1]
+    q = pose[3, 0] * x + pose[3, 1] * y + pose[3, 2] * z + pose[3, 3]
+    u = (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]) / q - record[0]
+    v = (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]) / q - record[1]
     return min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
 
 
 @exact_kernel
-def place_hits(points, ids, records, places, normals, out_traits, out_normals):
+def place_hits(points, ids, records, poses, normals, out_traits, out_normals):
     """Fill p and q of every hit's traits, and its normal, bilinear between its patch's samples."""
-    # points (N, 3) f64 world; ids (N,) i64 patches, -1 = none; records (P, 8) i32 as scene.records; places (F, 4, 4)
+    # points (N, 3) f64 world; ids (N,) i64 patches, -1 = none; records (P, 8) i32 as scene.records; poses (F, 4, 4)
     # normals (S, 3) f32; out_traits (N, 12) f32; out_normals (N, 3) f64 unit, NaN where no sample has one
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
         weights = np.empty(CORNERS)
@@ -38,7 +38,7 @@ def place_hits(points, ids, records, places, normals, out_traits, out_normals):
             if ids[i] < 0:
                 continue
             record = records[ids[i]]
-            p, q = place_in_patch(places[record[2]], record, points[i, 0], points[i, 1], points[i, 2])
+            p, q = patch_position(poses[record[2]], record, points[i, 0], points[i, 1], points[i, 2])
             out_traits[i, 0], out_traits[i, 1] = p, q
             if not corner_weights(record[4:], p, q, weights):
                 continue
@@ -55,7 +55,7 @@ def place_hits(points, ids, records, places, normals, out_traits, out_normals):
 
 @exact_kernel
 def reflect(normals, toward, size, out_where, out_traits, out_reflected):
-    """Fill cell, s and place in the cell of every hit, and the direction (N, 3) f64 that its mirror looks along."""
+    """Fill cell, s and position in the cell of every hit, and the direction (N, 3) f64 that its mirror looks along."""
     # normals, toward (the eye) (N, 3) f64 unit; size: cells of a table's edge
     for block in prange((len(normals) + BLOCK - 1) // BLOCK):
         for i in range(block * BLOCK, min(block * BLOCK + BLOCK, len(normals))):
@@ -74,25 +74,26 @@ def reflect(normals, toward, size, out_where, out_traits, out_reflected):
 
 
 @exact_kernel
-def search_rays(rays, chosen, place, box, pyramid, leaves, base, out_t, out_ids):
+def search_rays(rays, chosen, pose, box, pyramid, leaves, base, out_t, out_ids):
     """Lower out_t (N,) f64 and set out_ids (N,) i64 where free rays meet one sheet of a field nearer."""
-    # rays (N, 6) f64 origin, direction (t in its lengths); chosen (M,) i64: rays to look at; place (4, 4)
+    # rays (N, 6) f64 origin, direction (t in its lengths); chosen (M,) i64: rays to look at; pose (4, 4)
     # box, pyramid, leaves: see search_field
     columns, rows = int(box[0]), int(box[1])
     front = len(leaves[1]) > 0
     for block in prange((len(chosen) + BLOCK - 1) // BLOCK):
-        start, way = np.empty(4), np.empty(4)
+        start, direction = np.empty(4), np.empty(4)
         for i in chosen[block * BLOCK : block * BLOCK + BLOCK]:
             for k in range(4):
-                way[k] = place[k, 0] * rays[i, 3] + place[k, 1] * rays[i, 4] + place[k, 2] * rays[i, 5]
-                start[k] = place[k, 0] * rays[i, 0] + place[k, 1] * rays[i, 1] + place[k, 2] * rays[i, 2] + place[k, 3]
-            near, far = clip_box(start, way[0], way[1], way[2], way[3], box, out_t[i])
+                direction[k] = pose[k, 0] * rays[i, 3] + pose[k, 1] * rays[i, 4] + pose[k, 2] * rays[i, 5]
+                start[k] = pose[k, 0] * rays[i, 0] + pose[k, 1] * rays[i, 1] + pose[k, 2] * rays[i, 2] + pose[k, 3]
+            near, far = clip_box(start, direction[0], direction[1], direction[2], direction[3], box, out_t[i])
             if not near <= far:
                 continue
-            qa, qb = start[3] + near * way[3], start[3] + far * way[3]
-            u, v, d = (start[0] + near * way[0]) / qa, (start[1] + near * way[1]) / qa, (start[2] + near * way[2]) / qa
-            du, dv = (start[0] + far * way[0]) / qb - u, (start[1] + far * way[1]) / qb - v
-            dd = (start[2] + far * way[2]) / qb - d
+            qa, qb = start[3] + near * direction[3], start[3] + far * direction[3]
+            u, v = (start[0] + near * direction[0]) / qa, (start[1] + near * direction[1]) / qa
+            d = (start[2] + near * direction[2]) / qa
+            du, dv = (start[0] + far * direction[0]) / qb - u, (start[1] + far * direction[1]) / qb - v
+            dd = (start[2] + far * direction[2]) / qb - d
             s, patch, _, _ = walk_ray(pyramid, leaves, columns, rows, (u, v, d), (du, dv, dd), near, front)
             if s < np.inf:
                 t = depth_at(s, near, far, qa, qb)

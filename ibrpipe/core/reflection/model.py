@@ -4,11 +4,11 @@
 D and k are bilinear between the samples of a patch, E_l in an octahedral table (:mod:`ibrpipe.core.reflection.
 directions`). D and E are kept as square roots, so that light stays positive and dark and bright errors weigh alike.
 
-Symbols: an *observation* is a patch and a table cell (two numbers) and `TRAITS` floats: place (p, q) in the patch,
-s, place (fx, fy) in the table cell, weight, square root of the observed colour (3; negative where the photo is clipped
-and only says "at least"), and mirrored colour (3; NaN where the reflected ray leaves the object and the tables count).
-`texels` (S, 3 or 3 + L): square root of D, then k_l (all 1 where they are missing). `tables` (L, M, 3): square roots,
-padded, M = (n + 2)^2. `law`: damping, Huber's bend, f_l. Sources: schlick1994 for s; huber1964.
+Symbols: an *observation* is a patch and a table cell (two numbers) and `TRAITS` floats: position (p, q) in the patch,
+s, position (fx, fy) in the table cell, weight, square root of the observed colour (3; negative where the photo is
+clipped and only says "at least"), and mirrored colour (3; NaN where the reflected ray leaves the object and the tables
+count). `texels` (S, 3 or 3 + L): square root of D, then k_l (all 1 where they are missing). `tables` (L, M, 3): square
+roots, padded, M = (n + 2)^2. `law`: damping, Huber's bend, f_l. Sources: schlick1994 for s; huber1964.
 """
 
 import math
@@ -44,7 +44,7 @@ def corner_weights(samples, p, q, out):
 
 @fused_exact
 def mix_texels(texels, samples, weights, out):
-    """Fill out (3[+ L],) with the light of D and the k_l of a place: bilinear between samples."""
+    """Fill out (3[+ L],) with the light of D and the k_l of a position: bilinear between samples."""
     for k in range(texels.shape[1]):
         out[k] = 0.0
     for c in range(CORNERS):
@@ -100,7 +100,7 @@ def predict(where, traits, corners, texels, tables, law, out_color):
 
 @fused_exact
 def add_texel_gradient(out, texels, samples, weights, shift, slopes):
-    """Add to out (G, 3[+ L]) what slopes (3[+ L],), d loss / d light and k of a place, mean for its samples."""
+    """Add to out (G, 3[+ L]) what slopes (3[+ L],), d loss / d light and k of a position, mean for its samples."""
     for c in range(CORNERS):
         if weights[c] > 0.0:
             row = samples[c] + shift
@@ -112,7 +112,7 @@ def add_texel_gradient(out, texels, samples, weights, shift, slopes):
 
 @fused_exact
 def add_table_gradient(out, table, cell, width, fx, fy, slopes):
-    """Add to out (M, 3) what slopes (3,), d loss / d light of a place, mean for its four cells."""
+    """Add to out (M, 3) what slopes (3,), d loss / d light of a position, mean for its four cells."""
     for c in range(4):
         at = cell + (c & 1) + (c >> 1) * width
         weight = 2.0 * (fx if c & 1 else 1.0 - fx) * (fy if c & 2 else 1.0 - fy)

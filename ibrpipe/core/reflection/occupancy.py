@@ -6,7 +6,7 @@ each octant of directions every voxel knows the cube before it that hinders no s
 
 A patch lies in the hull of its four corners, and its normals in that of the normals there, in either kind of frame.
 
-``place`` (4, 4), ``leaves``: see :mod:`ibrpipe.core.reflection.geometry` and renderers.search.quadtree.Sheet;
+``pose`` (4, 4), ``leaves``: see :mod:`ibrpipe.core.reflection.geometry` and renderers.search.quadtree.Sheet;
 ``frame`` (4,) f64: least corner of the grid, width of a voxel; ``cells`` (X, Y, Z) i32: number of the voxel's record,
 -1 = nothing reaches it; ``bits`` (C,) i64; ``cones`` (C, 4) f64: axis, sine of the half angle (2 = all normals).
 """
@@ -28,9 +28,9 @@ BLOCK = 128
 
 
 @serial
-def outline_patch(place, back, column, row, corners, out_points, out_normals):
-    """Fill corners in the world (4, 3) and unit normals there (4, 3), both f64; False where a corner has no place."""
-    # back: inverse of place; corners (4,) f32 field depths
+def outline_patch(pose, back, column, row, corners, out_points, out_normals):
+    """Fill corners in the world (4, 3) and unit normals there (4, 3), both f64; False where a corner has none."""
+    # back: inverse of pose; corners (4,) f32 field depths
     a, b, c, e = float(corners[0]), float(corners[1]), float(corners[2]), float(corners[3])
     for k in range(4):
         p, q, d = k & 1, k >> 1, float(corners[k])
@@ -43,7 +43,7 @@ def outline_patch(place, back, column, row, corners, out_points, out_normals):
         length = 0.0
         for axis in range(3):
             out_points[k, axis] = (back[axis, 0] * u + back[axis, 1] * v + back[axis, 2] * d + back[axis, 3]) / weight
-            normal = rise_u * place[0, axis] + rise_v * place[1, axis] - place[2, axis] + -rest * place[3, axis]
+            normal = rise_u * pose[0, axis] + rise_v * pose[1, axis] - pose[2, axis] + -rest * pose[3, axis]
             out_normals[k, axis] = normal
             length += normal * normal
         if not 0.0 < length < np.inf:
@@ -54,14 +54,14 @@ def outline_patch(place, back, column, row, corners, out_points, out_normals):
 
 
 @serial
-def bound_sheet(place, back, columns, leaves, out_bounds):
-    """Widen out_bounds (2, 3) f64 by a sheet's patches; return how many have no place."""
+def bound_sheet(pose, back, columns, leaves, out_bounds):
+    """Widen out_bounds (2, 3) f64 by a sheet's patches; return how many have no position."""
     points, normals, lost = np.empty((4, 3)), np.empty((4, 3)), 0
     for cell in range(len(leaves[1])):
         patch = leaves[1][cell]
         if patch < 0:
             continue
-        if not outline_patch(place, back, cell % columns, cell // columns, leaves[2][patch], points, normals):
+        if not outline_patch(pose, back, cell % columns, cell // columns, leaves[2][patch], points, normals):
             lost += 1
             continue
         for k in range(4):
@@ -84,14 +84,14 @@ def reach_of(points, frame, size, out_reach):
 
 
 @serial
-def mark_sheet(place, back, columns, leaves, frame, bit, cells, count, out_bits, out_normals):
+def mark_sheet(pose, back, columns, leaves, frame, bit, cells, count, out_bits, out_normals):
     """Number the voxels that a sheet reaches from `count` on, and add its bit and normals; return the new count."""
     # cells: -1 = not yet numbered; out_bits (C,) i64; out_normals (C, 3) f64; what lies beyond C is counted alone
     points, normals, reach = np.empty((4, 3)), np.empty((4, 3)), np.empty((3, 2), np.int64)
     for cell in range(len(leaves[1])):
         patch = leaves[1][cell]
         if patch < 0 or not outline_patch(
-            place, back, cell % columns, cell // columns, leaves[2][patch], points, normals
+            pose, back, cell % columns, cell // columns, leaves[2][patch], points, normals
         ):
             continue
         reach_of(points, frame, cells.shape, reach)
@@ -112,13 +112,13 @@ def mark_sheet(place, back, columns, leaves, frame, bit, cells, count, out_bits,
 
 
 @serial
-def open_cones(place, back, columns, leaves, frame, cells, axes, out_cosines):
+def open_cones(pose, back, columns, leaves, frame, cells, axes, out_cosines):
     """Lower out_cosines (C,) f64 to the cosine of the widest angle between a sheet's normals and axes (C, 3) f64."""
     points, normals, reach = np.empty((4, 3)), np.empty((4, 3)), np.empty((3, 2), np.int64)
     for cell in range(len(leaves[1])):
         patch = leaves[1][cell]
         if patch < 0 or not outline_patch(
-            place, back, cell % columns, cell // columns, leaves[2][patch], points, normals
+            pose, back, cell % columns, cell // columns, leaves[2][patch], points, normals
         ):
             continue
         reach_of(points, frame, cells.shape, reach)
@@ -161,22 +161,22 @@ def measure_free(cells, cones, out_free):
 
 
 @fused_exact
-def enter_voxels(at, way, size, near, far):
+def enter_voxels(at, direction, size, near, far):
     """Cut [near, far] to where one axis of the grid holds the ray."""
-    if way == 0.0:
+    if direction == 0.0:
         return (near, far) if 0.0 <= at <= size else (near, -np.inf)
-    one, other = -at / way, (size - at) / way
+    one, other = -at / direction, (size - at) / direction
     return max(near, min(one, other)), min(far, max(one, other))
 
 
 @fused_exact
-def sheets_of_ray(origin, way, grid, always):
-    """Sheets, as bits, that a ray may meet; origin, way (3,) world, grid (frame, cells, free, bits, cones)."""
+def sheets_of_ray(origin, direction, grid, always):
+    """Sheets, as bits, that a ray may meet; origin, direction (3,) world, grid (frame, cells, free, bits, cones)."""
     frame, cells, free, bits, cones = grid
     nx, ny, nz = cells.shape
     found, scale = always, 1.0 / frame[3]
-    length = 1.0 / math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
-    dx, dy, dz = way[0] * length, way[1] * length, way[2] * length
+    length = 1.0 / math.sqrt(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2])
+    dx, dy, dz = direction[0] * length, direction[1] * length, direction[2] * length
     x, y, z = (origin[0] - frame[0]) * scale, (origin[1] - frame[1]) * scale, (origin[2] - frame[2]) * scale
     t, end = enter_voxels(x, dx, nx, 0.0, np.inf)
     t, end = enter_voxels(y, dy, ny, t, end)
@@ -209,5 +209,5 @@ def find_sheets(rays, grid, always, out_bits):
     """Fill out_bits (N,) i64: the sheets that rays (N, 6) f64, origin and direction, may meet."""
     for block in prange((len(rays) + BLOCK - 1) // BLOCK):
         for i in range(block * BLOCK, min(block * BLOCK + BLOCK, len(rays))):
-            origin, way = (rays[i, 0], rays[i, 1], rays[i, 2]), (rays[i, 3], rays[i, 4], rays[i, 5])
-            out_bits[i] = sheets_of_ray(origin, way, grid, always)
+            origin, direction = (rays[i, 0], rays[i, 1], rays[i, 2]), (rays[i, 3], rays[i, 4], rays[i, 5])
+            out_bits[i] = sheets_of_ray(origin, direction, grid, always)

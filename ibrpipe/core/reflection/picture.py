@@ -1,4 +1,4 @@
-"""Gloss of a whole picture in one pass: place, normal, mirrored direction and colour of every pixel whose ray is free.
+"""Gloss of a whole picture in one pass: position, normal, mirrored direction and colour of pixels whose ray is free.
 
 Pixels whose reflected ray may meet the surface again are left to the caller, who follows it. The arithmetic is that of
 :mod:`ibrpipe.core.reflection.geometry` and :mod:`ibrpipe.core.reflection.model`.
@@ -11,7 +11,7 @@ from numba import prange
 
 from ibrpipe.core.jit import exact_kernel, fused_exact
 from ibrpipe.core.reflection.directions import table_cell
-from ibrpipe.core.reflection.geometry import place_in_patch
+from ibrpipe.core.reflection.geometry import patch_position
 from ibrpipe.core.reflection.model import CHANNELS, CORNERS, TABLES, corner_weights, mix_texels, table_light
 from ibrpipe.core.reflection.occupancy import sheets_of_ray
 
@@ -21,7 +21,7 @@ UNTOUCHED, SHADED, LEFT = 0, 1, 2
 
 @fused_exact
 def mean_normal(normals, samples, weights):
-    """Unit normal of a place between samples; NaN where none is known."""
+    """Unit normal of a position between samples; NaN where none is known."""
     x, y, z = 0.0, 0.0, 0.0
     for c in range(CORNERS):
         if weights[c] > 0.0:
@@ -45,12 +45,12 @@ def mirror_ray(toward, normal):
 
 
 @fused_exact
-def put_light(mixed, model, cosine, way, out):
-    """Fill out (3,) with the light of a place whose reflected ray is free; mixed: see `mix_texels`."""
+def put_light(mixed, model, cosine, direction, out):
+    """Fill out (3,) with the light of a position whose reflected ray is free; mixed: see `mix_texels`."""
     texels, tables, law = model
     width = int(math.sqrt(tables.shape[1]) + 0.5)
     s = (1.0 - cosine) ** 5
-    cell, fx, fy = table_cell(way[0], way[1], way[2], width - 2)
+    cell, fx, fy = table_cell(direction[0], direction[1], direction[2], width - 2)
     for channel in range(CHANNELS):
         light = (1.0 - law[0] * s) * mixed[channel]
         for table in range(tables.shape[0]):
@@ -66,7 +66,7 @@ def shade_free(depth, ids, known, color, view, surface, model, grid, always, lif
     # depth (H, W) f32, inf = none; ids (H, W) u32; known (H, W) f32; view (4, 3) f64: world from pixel, centre
     # surface: records, corners, poses, normals, active (F,) bool; model: texels, padded tables, law; grid, always: see
     # :mod:`ibrpipe.core.reflection.occupancy`
-    # lift (2,) f64: how far above the surface, and along its way, a reflected ray starts
+    # lift (2,) f64: how far above the surface, and along its direction, a reflected ray starts
     records, corners, poses, normals, active = surface
     for y in prange(depth.shape[0]):
         weights, mixed = np.empty(CORNERS), np.empty(CHANNELS + TABLES)
@@ -83,7 +83,7 @@ def shade_free(depth, ids, known, color, view, surface, model, grid, always, lif
             wy = far * (px * view[1, 0] + py * view[1, 1] + view[1, 2])
             wz = far * (px * view[2, 0] + py * view[2, 1] + view[2, 2])
             ax, ay, az = view[3, 0] + wx, view[3, 1] + wy, view[3, 2] + wz
-            p, q = place_in_patch(poses[record[2]], record, ax, ay, az)
+            p, q = patch_position(poses[record[2]], record, ax, ay, az)
             out_state[y, x] = LEFT
             if not corner_weights(record[4:], p, q, weights):
                 continue

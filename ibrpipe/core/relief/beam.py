@@ -4,7 +4,8 @@ At equal camera depth t the rays of a tile fill a parallelogram, the hull of the
 over a span of t is compared with the blocks of the pyramid that it touches. What this skips, no ray of the tile can
 meet.
 
-Symbols: ``start + t * (px, py, 1) @ Q_of`` place (u, v, d) of a ray in cells and depth; ``low, scale``: depth to steps.
+Symbols: ``start + t * (px, py, 1) @ Q_of`` position (u, v, d) of a ray in cells and depth; ``low, scale``: depth to
+steps.
 """
 
 from __future__ import annotations
@@ -38,12 +39,12 @@ def touches(nodes, plan, level, i0, i1, j0, j1, near, far):
 
 
 @helper
-def beam_start(nodes, plan, low, scale, bottom, top, start, ways, most):
-    # ways (12,): directions (u, v, d) of the corner rays; bottom, top: depth range of the field; most: blocks that a
-    # test may touch along one axis -> (t, end): no ray of the tile meets the field before t or after end
-    u0, u1 = span(ways[0], ways[3], ways[6], ways[9])
-    v0, v1 = span(ways[1], ways[4], ways[7], ways[10])
-    d0, d1 = span(ways[2], ways[5], ways[8], ways[11])
+def beam_start(nodes, plan, low, scale, bottom, top, start, directions, most):
+    # directions (12,): directions (u, v, d) of the corner rays; bottom, top: depth range of the field; most: blocks
+    # that a test may touch along one axis -> (t, end): no ray of the tile meets the field before t or after end
+    u0, u1 = span(directions[0], directions[3], directions[6], directions[9])
+    v0, v1 = span(directions[1], directions[4], directions[7], directions[10])
+    d0, d1 = span(directions[2], directions[5], directions[8], directions[11])
     rows, columns = float(plan[0]), float(plan[1])
     t, end = clip_side(start[0], u1, 0.0, np.inf)
     t, end = clip_side(columns - start[0], -u0, t, end)
@@ -77,10 +78,10 @@ def beam_start(nodes, plan, low, scale, bottom, top, start, ways, most):
 
 
 @fused
-def corner_ways(Q_of, x0, y0, x1, y1, ways):
-    # directions (u, v, d) of the rays through the corners of a tile of pixels -> ways (12,)
+def corner_directions(Q_of, x0, y0, x1, y1, directions):
+    # directions (u, v, d) of the rays through the corners of a tile of pixels -> directions (12,)
     for c in range(4):
         x = x1 if c & 1 else x0
         y = y1 if c & 2 else y0
         for axis in range(3):
-            ways[3 * c + axis] = Q_of[3 * axis] * x + Q_of[3 * axis + 1] * y + Q_of[3 * axis + 2]
+            directions[3 * c + axis] = Q_of[3 * axis] * x + Q_of[3 * axis + 1] * y + Q_of[3 * axis + 2]

@@ -7,8 +7,9 @@ is entered, and when the rays stand before cells that they may hit, the bilinear
 the surface a ray is, is carried from cell to cell, so that a hit lost between two cells by rounding is found in the
 second. Found hits are met once more in float64.
 
-Symbols: A + s B place on the ray, s in [0, 1], (u, v) in cells, d in steps of the pyramid; g(s) = d(s) - surface; side:
-sign of g where it is known, 0 = unknown; slots of the lanes' state `buf` at ``slot * PITCH + lane`` are named below.
+Symbols: A + s B position on the ray, s in [0, 1], (u, v) in cells, d in steps of the pyramid; g(s) = d(s) - surface;
+side: sign of g where it is known, 0 = unknown; slots of the lanes' state `buf` at ``slot * PITCH + lane`` are named
+below.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.jit import fused, inlined, kernel, ordered
-from ibrpipe.core.relief.beam import beam_start, corner_ways
+from ibrpipe.core.relief.beam import beam_start, corner_directions
 from ibrpipe.core.relief.pyramid import THIRDS
 
 #: rays that march together, and pixels of a tile
@@ -34,7 +35,7 @@ SLOTS = 26
 MARCHING, WAITING, HIT, DONE = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(3.0)
 #: how far beyond an edge, in cells, the next cell is looked for, at least
 NUDGE = np.float32(1e-5)
-#: way from the eye, in cells, that still belongs to the eye where it touches the surface
+#: distance from the eye, in cells, that still belongs to the eye where it touches the surface
 EYE_CELLS = 1e-5
 #: level of the pyramid on which rays set out
 FIRST_LEVEL = 2
@@ -109,7 +110,7 @@ def inverse_power(size):
 @fused
 def march(nodes, top, top_size, trusted, stride, last_i, last_j, first_i, first_j, buf):
     # one step of every marching lane -> how many march on. last_i, last_j: last column and row; first_i, first_j:
-    # where the group's places are counted from; top_size: cells along a block of the coarsest level;
+    # where the group's positions are counted from; top_size: cells along a block of the coarsest level;
     # trusted: cells along the largest blocks that surely hold no hole; all f32
     for k in range(LANES):
         s, size = buf[S + k], buf[SIZE + k]
@@ -264,7 +265,7 @@ def settle(start, Q_of, gx, gy, buf, out):
 
 
 @kernel
-def search_exact(pairs, nodes, plan, grid, start, Q_of, front, whole, window, out, places):
+def search_exact(pairs, nodes, plan, grid, start, Q_of, front, whole, window, out, positions):
     # pairs (H * stride - 1,) i64: texel and its right neighbour, overlapping; the others: see
     # relief_linear.search_linear; front: 1 = only hits where d grows count, 0 = all; whole: no cell is a hole
     across = (window[1] - window[0] + WIDTH - 1) // WIDTH
@@ -277,15 +278,15 @@ def search_exact(pairs, nodes, plan, grid, start, Q_of, front, whole, window, ou
     only, trusted = np.float32(front), top_size if whole else ONE
     for tile in prange(across * down):
         buf = np.empty(SLOTS * PITCH, np.float32)
-        ways = np.empty(12)
+        directions = np.empty(12)
         depths = np.empty(LANES)
         x0 = float(window[0] + (np.int64(tile) % across) * WIDTH)
         y0 = float(window[2] + (np.int64(tile) // across) * HEIGHT)
-        corner_ways(Q_of, x0, y0, x0 + WIDTH, y0 + HEIGHT, ways)
-        t, end = beam_start(nodes, plan, grid[0], grid[1], grid[2], grid[3], start, ways, 3)
+        corner_directions(Q_of, x0, y0, x0 + WIDTH, y0 + HEIGHT, directions)
+        t, end = beam_start(nodes, plan, grid[0], grid[1], grid[2], grid[3], start, directions, 3)
         if not t <= end:
             continue
-        fast = max(abs(ways[0]), abs(ways[1]))
+        fast = max(abs(directions[0]), abs(directions[1]))
         eye = np.float32(EYE_CELLS / max(fast, 1e-30))
         eye_depth = 1e-9 / max(fast, 1.0)
         for group in range(TILE // LANES):
@@ -304,7 +305,7 @@ def search_exact(pairs, nodes, plan, grid, start, Q_of, front, whole, window, ou
                     depth = depths[k]
                     if eye_depth < depth < out[y, x]:
                         out[y, x] = depth
-                        if places.shape[0] > 0:
+                        if positions.shape[0] > 0:
                             for axis in range(2):
-                                way = Q_of[3 * axis] * (x + 0.5) + Q_of[3 * axis + 1] * (y + 0.5) + Q_of[3 * axis + 2]
-                                places[y, x, axis] = start[axis] + depth * way
+                                rate = Q_of[3 * axis] * (x + 0.5) + Q_of[3 * axis + 1] * (y + 0.5) + Q_of[3 * axis + 2]
+                                positions[y, x, axis] = start[axis] + depth * rate

@@ -5,8 +5,8 @@ predecessor are halved `bisection_steps` times, heights being bilinear. Sixty-fo
 branches, and the samples that a tile of rays provably takes outside the surface (:mod:`ibrpipe.core.relief.beam`) are
 not fetched, so the picture is that of the plain search.
 
-Symbols: A + s B place (u, v, d) on the clipped ray, s in [0, 1]; t = t0 + s (t1 - t0) camera depth; side = +1: outside
-is above the heights, -1: below; k sample number.
+Symbols: A + s B position (u, v, d) on the clipped ray, s in [0, 1]; t = t0 + s (t1 - t0) camera depth; side = +1:
+outside is above the heights, -1: below; k sample number.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.jit import fused, inlined, kernel
-from ibrpipe.core.relief.beam import beam_start, corner_ways
+from ibrpipe.core.relief.beam import beam_start, corner_directions
 from ibrpipe.core.relief.pyramid import first_node
 
 #: rays that march together, and pixels of a tile
@@ -130,10 +130,10 @@ def skip_samples(nodes, first, level, columns, last_i, last_j, low, step, side, 
 
 
 @kernel
-def search_linear(pairs, nodes, plan, grid, start, Q_of, side, steps, bisection_steps, window, out, places):
+def search_linear(pairs, nodes, plan, grid, start, Q_of, side, steps, bisection_steps, window, out, positions):
     # pairs (H * stride - 1,) i64: texel and its right neighbour, overlapping; grid (5,) f64: low, scale, bottom, top,
     # stride; start (3,), Q_of (9,) f64: rays; window (4,) i64: x0, x1, y0, y1 pixels; out (h, w) f32 camera depth,
-    # lowered in place where the ray hits nearer; places (h, w, 2) f64 or (0, 0, 2): hits in cells
+    # lowered in place where the ray hits nearer; positions (h, w, 2) f64 or (0, 0, 2): hits in cells
     across = (window[1] - window[0] + WIDTH - 1) // WIDTH
     down = (window[3] - window[2] + HEIGHT - 1) // HEIGHT
     columns, rows = float(plan[1]), float(plan[0])
@@ -145,14 +145,14 @@ def search_linear(pairs, nodes, plan, grid, start, Q_of, side, steps, bisection_
     half, one, zero = np.float32(0.5), np.float32(1.0), np.float32(0.0)
     for tile in prange(across * down):
         buf = np.empty(15 * PITCH, np.float32)
-        ways = np.empty(12)
+        directions = np.empty(12)
         x0 = float(window[0] + (np.int64(tile) % across) * WIDTH)
         y0 = float(window[2] + (np.int64(tile) // across) * HEIGHT)
-        corner_ways(Q_of, x0, y0, x0 + WIDTH, y0 + HEIGHT, ways)
-        t, end = beam_start(nodes, plan, grid[0], grid[1], grid[2], grid[3], start, ways, 3)
+        corner_directions(Q_of, x0, y0, x0 + WIDTH, y0 + HEIGHT, directions)
+        t, end = beam_start(nodes, plan, grid[0], grid[1], grid[2], grid[3], start, directions, 3)
         if not t < end:
             continue
-        spacing = (end - t) * max(abs(ways[0]), abs(ways[1])) / steps
+        spacing = (end - t) * max(abs(directions[0]), abs(directions[1])) / steps
         level = min(np.int64(SKIP_LEVEL), plan[4])
         while level < plan[4] and float(1 << level) < 2.0 * spacing:
             level += 1
@@ -168,8 +168,8 @@ def search_linear(pairs, nodes, plan, grid, start, Q_of, side, steps, bisection_
                 buf[8 * PITCH + k] = first if length > zero else steps32 + one
             for k in range(LANES):
                 for axis in range(3):
-                    way = buf[(3 + axis) * PITCH + k] * share
-                    buf[(12 + axis) * PITCH + k] = one / (way if abs(way) > np.float32(1e-30) else np.float32(1e-30))
+                    rate = buf[(3 + axis) * PITCH + k] * share
+                    buf[(12 + axis) * PITCH + k] = one / (rate if abs(rate) > np.float32(1e-30) else np.float32(1e-30))
             going = one
             while going > zero:
                 moved = one
@@ -210,6 +210,6 @@ def search_linear(pairs, nodes, plan, grid, start, Q_of, side, steps, bisection_
                     depth = buf[6 * PITCH + k] + s * buf[7 * PITCH + k]
                     if depth < out[y, x]:
                         out[y, x] = depth
-                        if places.shape[0] > 0:
-                            places[y, x, 0] = buf[k] + s * buf[3 * PITCH + k]
-                            places[y, x, 1] = buf[PITCH + k] + s * buf[4 * PITCH + k]
+                        if positions.shape[0] > 0:
+                            positions[y, x, 0] = buf[k] + s * buf[3 * PITCH + k]
+                            positions[y, x, 1] = buf[PITCH + k] + s * buf[4 * PITCH + k]

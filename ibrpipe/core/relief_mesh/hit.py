@@ -1,7 +1,7 @@
 """Where each pixel's ray meets the relief under the polygon that it sees. Source: policarpo2005, sec. 3.
 
 A pixel's point on its polygon has texture coordinates (u, v) and axes T = dP/du, B = dP/dv, N, averaged over the
-corners and made orthogonal to N; deep is the way from depth 0 to 1, scene units. Then ``X = P + du T + dv B - dz deep
+corners and made orthogonal to N; deep leads from depth 0 to 1, scene units. Then ``X = P + du T + dv B - dz deep
 N``, and the ray is straight in (u, v, z); the rows of the inverse of ``[T, B, -deep N]`` are the frame (3, 3) that
 shading uses again.
 
@@ -121,10 +121,10 @@ def search_layers(front, back, lows, highs, plan, rule, ray, begin, end, solid, 
 
 
 @kernel
-def hit_faces(mesh, layers, rule, ways, layer, face, depth, mine, places, hit_frames):
+def hit_faces(mesh, layers, rule, world_from_pixel, layer, face, depth, mine, positions, hit_frames):
     # mesh: vertices (V, 3) f64 from the eye, corners (F, 3) i64, uv (F, 3, 2) f64, frames (F, 3, 9) f32; layers: front,
     # back, lows, highs, plan; layer (h, w) f64, face (h, w) i32: polygons seen -> depth (h, w) f32 lowered where the
-    # ray hits nearer, there mine (h, w) u8 = 1, and unless they are empty places (h, w, 3) f64 = (x, y cells, z),
+    # ray hits nearer, there mine (h, w) u8 = 1, and unless they are empty positions (h, w, 3) f64 = (x, y cells, z),
     # hit_frames (h, w, 9) f32
     vertices, corners, uv, frames = mesh
     front, back, lows, highs, plan = layers
@@ -136,9 +136,9 @@ def hit_faces(mesh, layers, rule, ways, layer, face, depth, mine, places, hit_fr
                 continue
             px, py = x + 0.5, y + 0.5
             w = (
-                ways[0, 0] * px + ways[0, 1] * py + ways[0, 2],
-                ways[1, 0] * px + ways[1, 1] * py + ways[1, 2],
-                ways[2, 0] * px + ways[2, 1] * py + ways[2, 2],
+                world_from_pixel[0, 0] * px + world_from_pixel[0, 1] * py + world_from_pixel[0, 2],
+                world_from_pixel[1, 0] * px + world_from_pixel[1, 1] * py + world_from_pixel[1, 2],
+                world_from_pixel[2, 0] * px + world_from_pixel[2, 1] * py + world_from_pixel[2, 2],
             )
             t = layer[y, x]
             able = local_frame(vertices, corners, uv, frames, f, w, rule[DEEP], box)
@@ -168,7 +168,7 @@ def hit_faces(mesh, layers, rule, ways, layer, face, depth, mine, places, hit_fr
                 continue
             depth[y, x] = t
             mine[y, x] = 1
-            if places.shape[0] > 0:
-                places[y, x, 0], places[y, x, 1], places[y, x, 2] = at_x, at_y, s
+            if positions.shape[0] > 0:
+                positions[y, x, 0], positions[y, x, 1], positions[y, x, 2] = at_x, at_y, s
                 for k in range(9):
                     hit_frames[y, x, k] = box[k]

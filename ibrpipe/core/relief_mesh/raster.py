@@ -68,7 +68,7 @@ def bound_faces(vertices, corners, pixel_from_world, both, width, height, out):
 
 
 @helper
-def draw_face(vertices, corners, f, ways, x0, x1, y0, y1, after, limit, layer, face):
+def draw_face(vertices, corners, f, world_from_pixel, x0, x1, y0, y1, after, limit, layer, face):
     # nearest depth beyond `after` and before `limit`, rows y0..y1; ties: the first face drawn
     i, j, k = corners[f, 0], corners[f, 1], corners[f, 2]
     jk, ki, ij = edge_plane(vertices, j, k), edge_plane(vertices, k, i), edge_plane(vertices, i, j)
@@ -78,9 +78,9 @@ def draw_face(vertices, corners, f, ways, x0, x1, y0, y1, after, limit, layer, f
     for y in range(y0, y1 + 1):
         for x in range(x0, x1 + 1):
             px, py = x + 0.5, y + 0.5
-            wx = ways[0, 0] * px + ways[0, 1] * py + ways[0, 2]
-            wy = ways[1, 0] * px + ways[1, 1] * py + ways[1, 2]
-            wz = ways[2, 0] * px + ways[2, 1] * py + ways[2, 2]
+            wx = world_from_pixel[0, 0] * px + world_from_pixel[0, 1] * py + world_from_pixel[0, 2]
+            wy = world_from_pixel[1, 0] * px + world_from_pixel[1, 1] * py + world_from_pixel[1, 2]
+            wz = world_from_pixel[2, 0] * px + world_from_pixel[2, 1] * py + world_from_pixel[2, 2]
             a, b, c = side_of(jk, wx, wy, wz) * sign, side_of(ki, wx, wy, wz) * sign, side_of(ij, wx, wy, wz) * sign
             if a >= 0.0 and b >= 0.0 and c >= 0.0 and a + b + c > 0.0:
                 t = volume / (a + b + c)
@@ -90,8 +90,8 @@ def draw_face(vertices, corners, f, ways, x0, x1, y0, y1, after, limit, layer, f
 
 
 @kernel
-def draw_faces(vertices, corners, bounds, ways, after, limit, layer, face):
-    # ways (3, 3) f64: world from pixel; after (h, w) f64, limit (h, w) f32: depths between which a face must lie
+def draw_faces(vertices, corners, bounds, world_from_pixel, after, limit, layer, face):
+    # world_from_pixel (3, 3) f64; after (h, w) f64, limit (h, w) f32: depths between which a face must lie
     # -> layer (h, w) f64 depth of the nearest such face, face (h, w) i32, -1 = none; returned: pixels with a face
     rows, columns = layer.shape
     found = 0
@@ -107,7 +107,7 @@ def draw_faces(vertices, corners, bounds, ways, after, limit, layer, face):
                     vertices,
                     corners,
                     f,
-                    ways,
+                    world_from_pixel,
                     np.int64(bounds[f, 0]),
                     np.int64(bounds[f, 1]),
                     y0,

@@ -64,7 +64,7 @@ def step_along(front, back, plan, ray, begin, end, steps, bisection_steps):
 
 @ordered
 def patch_along(a, b, c, e, p, q, z, dx, dy, dz):
-    # z minus the bilinear patch along the ray -> (A, B, C) of A w^2 + B w + C; p, q: place in the cell at w = 0
+    # z minus the bilinear patch along the ray -> (A, B, C) of A w^2 + B w + C; p, q: position in the cell at w = 0
     along_x, along_y, twist = b - a, c - a, (a - b) + (e - c)
     return (
         -twist * dx * dy,
@@ -183,9 +183,9 @@ def search_along(front, back, lows, highs, plan, ray, begin, end, solid):
 
 
 @helper
-def clip_unit(at, way, begin, end):
-    # keep the part of [begin, end] where 0 <= at + s * way <= 1
-    if way != 0.0:
-        one, other = -at / way, (1.0 - at) / way
+def clip_unit(at, direction, begin, end):
+    # keep the part of [begin, end] where 0 <= at + s * direction <= 1
+    if direction != 0.0:
+        one, other = -at / direction, (1.0 - at) / direction
         return max(begin, min(one, other)), min(end, max(one, other))
     return (begin, end) if 0.0 <= at <= 1.0 else (begin, -np.inf)

@@ -20,10 +20,10 @@ from ibrpipe.core.relief_mesh.hit import ACROSS, BUMP, DEEP, DOWN, MAPPING, RELI
 from ibrpipe.core.relief_mesh.mips import read_footprint
 from ibrpipe.core.relief_mesh.search import clip_unit, corners_of, layer_at
 
-#: slots of the lamp: is there one, place (x, y, z from the eye) or direction, 1 = place, ambient, diffuse, specular
-#: (three each), shininess, are shadows cast, least depth between a hit and what shades it, probes of filtering, what
-#: normals are
-LIT, WAY, IS_PLACE, AMBIENT, DIFFUSE, SPECULAR, SHININESS, SHADOWS, BIAS, PROBES, SLOPES = (
+#: slots of the lamp: is there one, position (x, y, z from the eye) or direction, 1 = position, ambient, diffuse,
+#: specular (three each), shininess, are shadows cast, least depth between a hit and what shades it, probes of
+#: filtering, what normals are
+LIT, TOWARD, IS_POINT, AMBIENT, DIFFUSE, SPECULAR, SHININESS, SHADOWS, BIAS, PROBES, SLOPES = (
     0, 1, 4, 5, 8, 11, 14, 15, 16, 17, 18,
 )  # fmt: skip
 LAMPS = 19
@@ -39,14 +39,14 @@ def _unit(x, y, z):
 
 
 @helper
-def footprint(frame, ways, w, t, out):
+def footprint(frame, world_from_pixel, w, t, out):
     # texture coordinates per pixel of the plane through the hit that is parallel to the polygon -> out (4,)
     fall = frame[6] * w[0] + frame[7] * w[1] + frame[8] * w[2]
     fall = fall if abs(fall) > 1e-300 else 1e-300
     mu = (frame[0] * w[0] + frame[1] * w[1] + frame[2] * w[2]) / fall
     mv = (frame[3] * w[0] + frame[4] * w[1] + frame[5] * w[2]) / fall
     for axis in range(2):
-        x, y, z = ways[0, axis], ways[1, axis], ways[2, axis]
+        x, y, z = world_from_pixel[0, axis], world_from_pixel[1, axis], world_from_pixel[2, axis]
         sink = frame[6] * x + frame[7] * y + frame[8] * z
         out[2 * axis] = t * (frame[0] * x + frame[1] * y + frame[2] * z - mu * sink)
         out[2 * axis + 1] = t * (frame[3] * x + frame[4] * y + frame[5] * z - mv * sink)
@@ -103,14 +103,14 @@ def back_normal(frame, back, plan, rule, x, y):
 
 
 @helper
-def is_shaded(front, back, lows, highs, plan, rule, lamp, frame, place, lx, ly, lz):
+def is_shaded(front, back, lows, highs, plan, rule, lamp, frame, position, lx, ly, lz):
     # does the relief lie between a hit and the light, up to the polygon? (lx, ly, lz) unit, toward the light
     rise = frame[6] * lx + frame[7] * ly + frame[8] * lz
     if not rise < 0.0:
         return True
     du = (frame[0] * lx + frame[1] * ly + frame[2] * lz) / rise
     dv = (frame[3] * lx + frame[4] * ly + frame[5] * lz) / rise
-    x, y, z = place[0], place[1], place[2]
+    x, y, z = position[0], position[1], position[2]
     dx, dy = du * rule[ACROSS], dv * rule[DOWN]
     x, y = x - z * dx, y - z * dy  # where the light's ray enters
     begin = 0.0
@@ -128,30 +128,30 @@ def is_shaded(front, back, lows, highs, plan, rule, lamp, frame, place, lx, ly, 
 
 
 @kernel
-def shade_hits(mine, depth, places, hit_frames, layers, rule, lamp, ways, colors, normals, out, alpha):
-    # mine (h, w) u8; depth (h, w) f32; places, hit_frames: see relief_mesh_hit; colors, normals: (texels (M, 4) f32,
+def shade_hits(mine, depth, positions, hit_frames, layers, rule, lamp, world_from_pixel, colors, normals, out, alpha):
+    # mine (h, w) u8; depth (h, w) f32; positions, hit_frames: see relief_mesh_hit; colors, normals: (texels (M, 4) f32,
     # table) -> out (h, w, 3), alpha (h, w) f32 where mine
     front, back, lows, highs, plan = layers
     color_texels, color_table = colors
     normal_texels, normal_table = normals
     wraps, probes, slopes = plan[3] != 0, np.int64(lamp[PROBES]), lamp[SLOPES] > 0.0
     for y in prange(mine.shape[0]):
-        foot, texel, frame, place = np.empty(4), np.empty(4), np.empty(9), np.empty(3)
+        foot, texel, frame, position = np.empty(4), np.empty(4), np.empty(9), np.empty(3)
         for x in range(mine.shape[1]):
             if mine[y, x] == 0:
                 continue
             for k in range(9):
                 frame[k] = hit_frames[y, x, k]
             for k in range(3):
-                place[k] = places[y, x, k]
+                position[k] = positions[y, x, k]
             px, py, t = x + 0.5, y + 0.5, float(depth[y, x])
             w = (
-                ways[0, 0] * px + ways[0, 1] * py + ways[0, 2],
-                ways[1, 0] * px + ways[1, 1] * py + ways[1, 2],
-                ways[2, 0] * px + ways[2, 1] * py + ways[2, 2],
+                world_from_pixel[0, 0] * px + world_from_pixel[0, 1] * py + world_from_pixel[0, 2],
+                world_from_pixel[1, 0] * px + world_from_pixel[1, 1] * py + world_from_pixel[1, 2],
+                world_from_pixel[2, 0] * px + world_from_pixel[2, 1] * py + world_from_pixel[2, 2],
             )
-            footprint(frame, ways, w, t, foot)
-            u, v = (place[0] - rule[SHIFT]) / rule[ACROSS], (place[1] - rule[SHIFT]) / rule[DOWN]
+            footprint(frame, world_from_pixel, w, t, foot)
+            u, v = (position[0] - rule[SHIFT]) / rule[ACROSS], (position[1] - rule[SHIFT]) / rule[DOWN]
             read_footprint(color_texels, color_table, wraps, u, v, foot, probes, texel)
             red, green, blue = texel[0], texel[1], texel[2]
             alpha[y, x] = 1.0
@@ -166,11 +166,11 @@ def shade_hits(mine, depth, places, hit_frames, layers, rule, lamp, ways, colors
                 read_footprint(normal_texels, normal_table, wraps, u, v, foot, probes, texel)
                 n = mapped_normal(frame, texel, slopes)
                 if back.shape[0] > 0 and rule[MAPPING] == RELIEF:
-                    to_front = abs(place[2] - layer_at(front, plan, place[0], place[1]))
-                    if abs(layer_at(back, plan, place[0], place[1]) - place[2]) < to_front:
-                        n = back_normal(frame, back, plan, rule, place[0], place[1])
-            lx, ly, lz = lamp[WAY], lamp[WAY + 1], lamp[WAY + 2]
-            if lamp[IS_PLACE] > 0.0:
+                    to_front = abs(position[2] - layer_at(front, plan, position[0], position[1]))
+                    if abs(layer_at(back, plan, position[0], position[1]) - position[2]) < to_front:
+                        n = back_normal(frame, back, plan, rule, position[0], position[1])
+            lx, ly, lz = lamp[TOWARD], lamp[TOWARD + 1], lamp[TOWARD + 2]
+            if lamp[IS_POINT] > 0.0:
                 lx, ly, lz = lx - t * w[0], ly - t * w[1], lz - t * w[2]
             lx, ly, lz = _unit(lx, ly, lz)
             gate = min(1.0, GATE * max(0.0, lx * base[0] + ly * base[1] + lz * base[2]))
@@ -181,7 +181,7 @@ def shade_hits(mine, depth, places, hit_frames, layers, rule, lamp, ways, colors
             gloss = max(0.0, h[0] * n[0] + h[1] * n[1] + h[2] * n[2]) ** lamp[SHININESS] if shine > 0.0 else 0.0
             shaded = False
             if lamp[SHADOWS] > 0.0 and rule[MAPPING] == RELIEF and shine > 0.0 and gate > 0.0:
-                shaded = is_shaded(front, back, lows, highs, plan, rule, lamp, frame, place, lx, ly, lz)
+                shaded = is_shaded(front, back, lows, highs, plan, rule, lamp, frame, position, lx, ly, lz)
             if shaded:
                 shine *= (lamp[AMBIENT] + lamp[AMBIENT + 1] + lamp[AMBIENT + 2]) / 3.0
                 gloss = 0.0

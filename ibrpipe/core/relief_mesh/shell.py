@@ -66,7 +66,7 @@ def is_wall(walls, f, rank, side):
 
 @helper
 def enter_tetra(points, w, far, rows):
-    # points (4, 6): place, x, y, z of the vertices -> (t0, t1, vertex opposite to the face of entry); rows (3, 3)
+    # points (4, 6): position, x, y, z of the vertices -> (t0, t1, vertex opposite to the face of entry); rows (3, 3)
     # filled with the gradients of the barycentric coordinates of vertices 1 to 3
     ax, ay, az = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1], points[1, 2] - points[0, 2]
     bx, by, bz = points[2, 0] - points[0, 0], points[2, 1] - points[0, 1], points[2, 2] - points[0, 2]
@@ -78,21 +78,21 @@ def enter_tetra(points, w, far, rows):
     if volume == 0.0:
         return 0.0, -1.0, 0
     begin, end, gate = 0.0, far, -1
-    rest_at, rest_way = 1.0, 0.0
+    rest_at, rest_rate = 1.0, 0.0
     for k in range(4):
         if k < 3:
             for axis in range(3):
                 rows[k, axis] /= volume
             at = -(rows[k, 0] * points[0, 0] + rows[k, 1] * points[0, 1] + rows[k, 2] * points[0, 2])
-            way = rows[k, 0] * w[0] + rows[k, 1] * w[1] + rows[k, 2] * w[2]
-            rest_at, rest_way = rest_at - at, rest_way - way
+            rate = rows[k, 0] * w[0] + rows[k, 1] * w[1] + rows[k, 2] * w[2]
+            rest_at, rest_rate = rest_at - at, rest_rate - rate
         else:
-            at, way = rest_at, rest_way
-        t = -(at + SLACK) / way if way != 0.0 else 0.0
-        if way > 0.0:
+            at, rate = rest_at, rest_rate
+        t = -(at + SLACK) / rate if rate != 0.0 else 0.0
+        if rate > 0.0:
             if t > begin:
                 begin, gate = t, (k + 1) & 3
-        elif way < 0.0:
+        elif rate < 0.0:
             end = min(end, t)
         elif at < -SLACK:
             end = -1.0
@@ -162,7 +162,7 @@ def meet_prism(shell, layers, rule, f, w, far, points, rows, rank, box):
 
 
 @kernel
-def hit_shell(shell, layers, rule, ways, order, boxes, depth, mine, places, hit_frames):
+def hit_shell(shell, layers, rule, world_from_pixel, order, boxes, depth, mine, positions, hit_frames):
     # shell: vertices (V, 3) f64 from the eye, their normals (V, 3) f64, corners (F, 3) i64, uv (F, 3, 2) f64, walls
     # (F, 3) u8; order, boxes: see relief_mesh_tree; the others: see relief_mesh_hit.hit_faces
     leaves = (len(boxes) + 1) // 2
@@ -173,9 +173,9 @@ def hit_shell(shell, layers, rule, ways, order, boxes, depth, mine, places, hit_
         for x in range(depth.shape[1]):
             px, py = x + 0.5, y + 0.5
             w = (
-                ways[0, 0] * px + ways[0, 1] * py + ways[0, 2],
-                ways[1, 0] * px + ways[1, 1] * py + ways[1, 2],
-                ways[2, 0] * px + ways[2, 1] * py + ways[2, 2],
+                world_from_pixel[0, 0] * px + world_from_pixel[0, 1] * py + world_from_pixel[0, 2],
+                world_from_pixel[1, 0] * px + world_from_pixel[1, 1] * py + world_from_pixel[1, 2],
+                world_from_pixel[2, 0] * px + world_from_pixel[2, 1] * py + world_from_pixel[2, 2],
             )
             for axis in range(3):
                 inverse[axis] = 1.0 / (w[axis] if abs(w[axis]) > 1e-200 else 1e-200)
@@ -195,8 +195,8 @@ def hit_shell(shell, layers, rule, ways, order, boxes, depth, mine, places, hit_
                         t = meet_prism(shell, layers, rule, order[at], w, best, points, rows, rank, box)
                         if t < best:
                             best, found = t, True
-                            if places.shape[0] > 0:
-                                places[y, x, 0], places[y, x, 1], places[y, x, 2] = box[9], box[10], box[11]
+                            if positions.shape[0] > 0:
+                                positions[y, x, 0], positions[y, x, 1], positions[y, x, 2] = box[9], box[10], box[11]
                                 for axis in range(3):
                                     hit_frames[y, x, axis] = box[15 + axis] / rule[ACROSS]
                                     hit_frames[y, x, 3 + axis] = box[18 + axis] / rule[DOWN]

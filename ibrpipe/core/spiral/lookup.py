@@ -81,7 +81,7 @@ def along(alpha, alphas, first, last, closing, at, indices, weights):
 
 
 @helper
-def residual_at(place, images, scale, indices, weights, total):
+def residual_at(point, images, scale, indices, weights, total):
     """Add the residuals of four images at a surface point to total (4,) f64: weighted R, G, B, and weight.
 
     The point (three f64) is in the rectangle's frame: in [0, 1] along its edges, and the depth below it; `scale` (two
@@ -89,7 +89,7 @@ def residual_at(place, images, scale, indices, weights, total):
     point along the image's own direction meets the rectangle (depth correction, gong-yang, fig. 6).
     """
     directions, sizes, starts, texels, zero = images
-    (sx, sy, sz), (scale_u, scale_v) = place, scale
+    (sx, sy, sz), (scale_u, scale_v) = point, scale
     for n in range(4):
         w = weights[n]
         if w <= 0.0:
@@ -147,7 +147,7 @@ def shade(color, depth, eye, world_from_pixel, frames, spirals, images, coded, e
             wx, wy, wz = pixel_ray(world_from_pixel, column, row)
             length = math.sqrt(wx * wx + wy * wy + wz * wz)
             for t in range(textures):
-                place(
+                into_rectangle(
                     eye[0] + z * wx, eye[1] + z * wy, eye[2] + z * wz, -wx / length, -wy / length, -wz / length,
                     rotations, origins, scales, t, local, view
                 )  # fmt: skip
@@ -188,7 +188,7 @@ def pixel_ray(world_from_pixel, column, row):
 
 
 @helper
-def place(px, py, pz, dx, dy, dz, rotations, origins, scales, t, local, view):
+def into_rectangle(px, py, pz, dx, dy, dz, rotations, origins, scales, t, local, view):
     """Bring a world point and the direction to the viewer into rectangle t's frame: row t of local and view."""
     px -= origins[t, 0]
     py -= origins[t, 1]

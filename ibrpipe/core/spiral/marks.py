@@ -11,7 +11,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.jit import kernel
-from ibrpipe.core.spiral.lookup import neighbours, pixel_ray, place
+from ibrpipe.core.spiral.lookup import into_rectangle, neighbours, pixel_ray
 
 
 @kernel
@@ -32,7 +32,7 @@ def mark_images(depth, world_from_pixel, frames, spirals, marks):
             wx, wy, wz = pixel_ray(world_from_pixel, column, row)
             length = math.sqrt(wx * wx + wy * wy + wz * wz)
             for t in range(textures):
-                place(
+                into_rectangle(
                     0.0, 0.0, 0.0, -wx / length, -wy / length, -wz / length, rotations, origins, scales, t, local, view
                 )
                 if view[t, 2] <= 0.0:

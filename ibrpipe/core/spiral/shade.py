@@ -7,7 +7,7 @@ uses vectors.
 
 Working memory: ``hit`` = (state, used, active, total), a number per hit pixel: see below; bits of the textures asked;
 which hit pixel an entry is of, since those done are left out; sums of weighted R, G, B and weight. ``lanes`` = (work,
-part, images, places), a number per pixel of a batch: see below; numbers of the four images; their four texels.
+part, images, texel_idx), a number per pixel of a batch: see below; numbers of the four images; their four texels.
 
 Symbols: q direction of the ray in a texture's frame, per camera depth; see also :mod:`ibrpipe.core.spiral.lookup`.
 """
@@ -24,7 +24,7 @@ from ibrpipe.core.spiral.lookup import TURN, decoded, encoded
 ROWS, BATCH = 4, 256
 #: rows of `state`, one number per hit pixel: pixel's centre, camera depth, length of its ray, best texture and how good
 X, Y, Z, LENGTH, BEST, WORTH = range(6)
-#: rows of `work`, one number per pixel of a batch: place in the rectangle, depth below it, pitch, yaw
+#: rows of `work`, one number per pixel of a batch: position in the rectangle, depth below it, pitch, yaw
 U, V, BELOW, PITCH, YAW = range(5)
 #: and: alpha on the turn below and above, share of the turn above
 HERE, ABOVE, SHARE = range(5, 8)
@@ -54,16 +54,16 @@ def arctangent(y, x):
 
 @ordered
 def choose_textures(count, frames, used, state):
-    # find the best texture of every pixel among those that it has not asked; frames: turns (T, 3, 3) pixel to direction
+    # find the best texture of every pixel among those that it has not asked; frames: Q_of (T, 3, 3) pixel to direction
     # q, eyes (T, 3) the eye in the textures' frames, scales (T, 2) 1 / edge lengths, all f64
-    turns, eyes, scales = frames
+    Q_of, eyes, scales = frames
     for n in range(count):
         state[BEST, n], state[WORTH, n] = -1.0, -1.0
     for t in range(len(eyes)):
         t00, t01, t02, t10, t11, t12 = (
-            turns[t, 0, 0], turns[t, 0, 1], turns[t, 0, 2], turns[t, 1, 0], turns[t, 1, 1], turns[t, 1, 2],
+            Q_of[t, 0, 0], Q_of[t, 0, 1], Q_of[t, 0, 2], Q_of[t, 1, 0], Q_of[t, 1, 1], Q_of[t, 1, 2],
         )  # fmt: skip
-        t20, t21, t22, e0, e1, e2 = turns[t, 2, 0], turns[t, 2, 1], turns[t, 2, 2], eyes[t, 0], eyes[t, 1], eyes[t, 2]
+        t20, t21, t22, e0, e1, e2 = Q_of[t, 2, 0], Q_of[t, 2, 1], Q_of[t, 2, 2], eyes[t, 0], eyes[t, 1], eyes[t, 2]
         su, sv, bit = scales[t, 0], scales[t, 1], np.int64(1) << t
         for n in range(count):
             x, y = state[X, n], state[Y, n]
@@ -81,13 +81,13 @@ def choose_textures(count, frames, used, state):
 
 @ordered
 def look_along(count, t, frames, spirals, work):
-    # work: pixel's x, y, camera depth, length in rows HERE, ABOVE, SHARE, YAW -> places, and alphas round the direction
-    # spirals: k, greatest pitch (T,) f64, images of the closing turn, last image (T,) i64
-    (turns, eyes, scales), (ks, limits, closings, _) = frames, spirals
+    # work: pixel's x, y, camera depth, length in rows HERE, ABOVE, SHARE, YAW -> positions, and alphas round the
+    # direction; spirals: k, greatest pitch (T,) f64, images of the closing turn, last image (T,) i64
+    (Q_of, eyes, scales), (ks, limits, closings, _) = frames, spirals
     t00, t01, t02, t10, t11, t12 = (
-        turns[t, 0, 0], turns[t, 0, 1], turns[t, 0, 2], turns[t, 1, 0], turns[t, 1, 1], turns[t, 1, 2],
+        Q_of[t, 0, 0], Q_of[t, 0, 1], Q_of[t, 0, 2], Q_of[t, 1, 0], Q_of[t, 1, 1], Q_of[t, 1, 2],
     )  # fmt: skip
-    t20, t21, t22, e0, e1, e2 = turns[t, 2, 0], turns[t, 2, 1], turns[t, 2, 2], eyes[t, 0], eyes[t, 1], eyes[t, 2]
+    t20, t21, t22, e0, e1, e2 = Q_of[t, 2, 0], Q_of[t, 2, 1], Q_of[t, 2, 2], eyes[t, 0], eyes[t, 1], eyes[t, 2]
     su, sv, k, limit, closed = scales[t, 0], scales[t, 1], ks[t], limits[t], closings[t] > 0
     for n in range(count):
         x, y, z = work[HERE, n], work[ABOVE, n], work[SHARE, n]
@@ -142,11 +142,11 @@ def find_images(count, t, spirals, finds, work, part, images):
 
 
 @ordered
-def add_images(count, t, tables, work, part, images, places):
-    # read the four images where the ray from the point along each image's direction leaves the rectangle; tables: ways
-    # (D, 2) f64 shift in the rectangle per depth below it, sizes (D, 2) f64 height and width, starts (D + 1,) i64,
-    # texels (N,) u32 R, G, B and 1 where valid, zeros (T,) f32 code of nothing
-    ways, sizes, starts, texels, zeros = tables
+def add_images(count, t, tables, work, part, images, texel_idx):
+    # read the four images where the ray from the point along each image's direction leaves the rectangle; tables:
+    # directions (D, 2) f64 shift in the rectangle per depth below it, sizes (D, 2) f64 height and width, starts (D +
+    # 1,) i64, texels (N,) u32 R, G, B and 1 where valid, zeros (T,) f32 code of nothing
+    directions, sizes, starts, texels, zeros = tables
     zero = zeros[t]
     for n in range(count):
         part[SUM, n], part[SUM + 1, n], part[SUM + 2, n], part[SUM + 3, n] = 0.0, 0.0, 0.0, 0.0
@@ -154,8 +154,8 @@ def add_images(count, t, tables, work, part, images, places):
         for n in range(count):
             image, below = images[m, n], work[BELOW, n]
             height, width = sizes[image, 0], sizes[image, 1]
-            x = (work[U, n] + below * ways[image, 0]) * width - 0.5
-            y = (work[V, n] + below * ways[image, 1]) * height - 0.5
+            x = (work[U, n] + below * directions[image, 0]) * width - 0.5
+            y = (work[V, n] + below * directions[image, 1]) * height - 0.5
             inside = (x > -1.0) & (y > -1.0) & (x < width) & (y < height)
             x, y = (x if inside else 0.0), (y if inside else 0.0)
             column, row = np.floor(x), np.floor(y)
@@ -168,11 +168,11 @@ def add_images(count, t, tables, work, part, images, places):
             begin = float(starts[image])
             part[TEXEL, n], part[TEXEL + 1, n] = weight * left * upper, weight * right * upper
             part[TEXEL + 2, n], part[TEXEL + 3, n] = weight * left * lower, weight * right * lower
-            places[0, n], places[1, n] = np.int64(begin + r0 * width + c0), np.int64(begin + r0 * width + c1)
-            places[2, n], places[3, n] = np.int64(begin + r1 * width + c0), np.int64(begin + r1 * width + c1)
+            texel_idx[0, n], texel_idx[1, n] = np.int64(begin + r0 * width + c0), np.int64(begin + r0 * width + c1)
+            texel_idx[2, n], texel_idx[3, n] = np.int64(begin + r1 * width + c0), np.int64(begin + r1 * width + c1)
         for corner in range(4):
             for n in range(count):
-                texel = texels[places[corner, n]]
+                texel = texels[texel_idx[corner, n]]
                 weight = part[TEXEL + corner, n] if texel >= np.uint32(1 << 24) else np.float32(0.0)
                 part[SUM, n] += weight * (np.float32(np.int32(texel & np.uint32(255))) - zero)
                 part[SUM + 1, n] += weight * (np.float32(np.int32((texel >> np.uint32(8)) & np.uint32(255))) - zero)
@@ -231,14 +231,14 @@ def add_to_colors(count, pixels, total, encode, decode, color):
 @ordered
 def ask_texture(count, t, batch, frames, spirals, finds, tables, hit, lanes):
     # add what texture t says to the pixels batch[:count]
-    (state, used, active, total), (work, part, images, places) = hit, lanes
+    (state, used, active, total), (work, part, images, texel_idx) = hit, lanes
     for n in range(count):
         at = batch[t, n]
         work[HERE, n], work[ABOVE, n], work[SHARE, n] = state[X, at], state[Y, at], state[Z, at]
         used[at] |= np.int64(1) << t
     look_along(count, t, frames, spirals, work)
     find_images(count, t, spirals, finds, work, part, images)
-    add_images(count, t, tables, work, part, images, places)
+    add_images(count, t, tables, work, part, images, texel_idx)
     for n in range(count):
         to = active[batch[t, n]]
         for c in range(4):
@@ -287,13 +287,13 @@ def add_residuals(
         state, total = np.empty((6, size)), np.empty((4, size), np.float32)
         pixels, used, active = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64)
         work, part = np.empty((8, BATCH)), np.empty((12, BATCH), np.float32)
-        images, places = np.empty((4, BATCH), np.uint32), np.empty((4, BATCH), np.uint32)
+        images, texel_idx = np.empty((4, BATCH), np.uint32), np.empty((4, BATCH), np.uint32)
         batch, counts = np.empty((textures, BATCH), np.int64), np.zeros(textures, np.int64)
         lost[own] = 0
         for unit in range(own, units, parts):
             hits = list_hits(depth, known, unit * ROWS, world_from_pixel, state, pixels, used, active, total)
             ask_textures(
-                hits, frames, spirals, finds, tables, (state, used, active, total), (work, part, images, places), batch,
-                counts,
+                hits, frames, spirals, finds, tables, (state, used, active, total), (work, part, images, texel_idx),
+                batch, counts,
             )  # fmt: skip
             lost[own] += add_to_colors(hits, pixels, total, encode, decode, color)

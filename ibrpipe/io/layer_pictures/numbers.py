@@ -19,20 +19,20 @@ _HEAD = 2
 
 def pack_numbers(values: Array, planes: Sequence[Plane]) -> bytes:
     """Pack one whole number per sample (S,) int64, below 2^40 in size."""
-    return min((_packed(values, planes, way) for way in (prediction.PLANE, prediction.MEDIAN)), key=len)
+    return min((_packed(values, planes, predictor) for predictor in (prediction.PLANE, prediction.MEDIAN)), key=len)
 
 
-def _packed(values: Array, planes: Sequence[Plane], way: int) -> bytes:
+def _packed(values: Array, planes: Sequence[Plane], predictor: int) -> bytes:
     folded = np.zeros(len(values), np.uint64)
     start = 0
     for plane in planes:
         picture = np.zeros(plane.there.shape, np.int64)
         picture[plane.there] = values[plane.samples]
-        prediction.take_differences(picture, plane.there, way, folded[start : start + len(plane.samples)])
+        prediction.take_differences(picture, plane.there, predictor, folded[start : start + len(plane.samples)])
         start += len(plane.samples)
     ranks = max(1, -(-int(folded.max(initial=0)).bit_length() // 8))
     split = folded.astype("<u8").view(np.uint8).reshape(-1, 8)[:, :ranks]
-    return bytes([way, ranks]) + zlib.compress(np.ascontiguousarray(split.T).tobytes(), 9)
+    return bytes([predictor, ranks]) + zlib.compress(np.ascontiguousarray(split.T).tobytes(), 9)
 
 
 def unpack_numbers(data: bytes, planes: Sequence[Plane]) -> Array:
@@ -44,9 +44,9 @@ def unpack_numbers(data: bytes, planes: Sequence[Plane]) -> Array:
         There are not as many as the planes have samples.
     """
     count = sum(len(plane.samples) for plane in planes)
-    way, ranks = (data[0], data[1]) if len(data) > _HEAD else (-1, 0)
-    if way not in (prediction.PLANE, prediction.MEDIAN) or not 1 <= ranks <= 6:
-        raise FormatError(f"numbers are packed in a way {way} with {ranks} bytes each, which is unknown")
+    predictor, ranks = (data[0], data[1]) if len(data) > _HEAD else (-1, 0)
+    if predictor not in (prediction.PLANE, prediction.MEDIAN) or not 1 <= ranks <= 6:
+        raise FormatError(f"numbers are packed with predictor {predictor} and {ranks} bytes each, which is unknown")
     split = np.zeros((count, 8), np.uint8)
     split[:, :ranks] = np.frombuffer(inflate(data[_HEAD:], count * ranks), np.uint8).reshape(ranks, count).T
     folded = split.view("<u8").ravel().astype(np.uint64)
@@ -55,7 +55,7 @@ def unpack_numbers(data: bytes, planes: Sequence[Plane]) -> Array:
     for plane in planes:
         picture = np.zeros(plane.there.shape, np.int64)
         end = start + len(plane.samples)
-        prediction.add_differences(folded[start:end], plane.there, way, picture)
+        prediction.add_differences(folded[start:end], plane.there, predictor, picture)
         values[plane.samples] = picture[plane.there]
         start = end
     return values

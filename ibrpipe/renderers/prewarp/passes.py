@@ -184,7 +184,7 @@ def warp_face_by_area(
 
 
 def _halves(eye: float, texels: tuple[int, int], foot: float, count: int) -> tuple[Array, float]:
-    """The two sides of a line toward the eye's foot: (2, 5) first, last, step, way, used; and where they meet."""
+    """The two sides of a line toward the eye's foot: (2, 5) first, last, step, sign, used; and where they meet."""
     first, last = texels
     middle = prewarp.last_before(eye, last + 1)
     to, off = min(middle + 1, last), max(middle, first)
@@ -219,8 +219,8 @@ def _two_pass(
     if face.wall:
         prewarp_columns.scale_rows(*field, breaks, plan.eye[0], axis, plan.shifts, window, values)
         start, end = (first, last) if plan.order > 0 else (last, first)
-        way = -1 if plan.eye[1] > np.mean(relief.range) else 1
-        sides = np.array([[start, end, plan.order, way, 0, height], [start, end, plan.order, way, height, height]])
+        sign = -1 if plan.eye[1] > np.mean(relief.range) else 1
+        sides = np.array([[start, end, plan.order, sign, 0, height], [start, end, plan.order, sign, height, height]])
     else:
         prewarp.warp_rows(*field, breaks, plan.eye, axis, window, values)
         foot = prewarp.last_before(view.eye[1], relief.height.shape[0])

@@ -66,8 +66,8 @@ def pack_lamp(options: ReliefOptions, eye: Array, slopes: bool) -> Array:
     if options.light is None:
         return lamp
     light = np.array(options.light)
-    lamp[core.LIT], lamp[core.IS_PLACE] = 1.0, 1.0 if light.size == 3 or light[3] != 0.0 else 0.0
-    lamp[core.WAY : core.WAY + 3] = light[:3] - (eye if lamp[core.IS_PLACE] else 0.0)
+    lamp[core.LIT], lamp[core.IS_POINT] = 1.0, 1.0 if light.size == 3 or light[3] != 0.0 else 0.0
+    lamp[core.TOWARD : core.TOWARD + 3] = light[:3] - (eye if lamp[core.IS_POINT] else 0.0)
     shares = ((core.AMBIENT, options.ambient), (core.DIFFUSE, options.diffuse), (core.SPECULAR, options.specular))
     for slot, share in shares:
         lamp[slot : slot + 3] = share

@@ -1,4 +1,4 @@
-"""What a surface of layered images mirrors: places and normals of hits, reflected rays, and what these meet.
+"""What a surface of layered images mirrors: positions and normals of hits, reflected rays, and what these meet.
 
 The surface is the very one that is drawn: reflected rays walk the same pyramids as the rays of pixels.
 """
@@ -50,7 +50,7 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Looks:
-    """Looks at N places of a surface.
+    """Looks at N positions of a surface.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def texel_size(field: PatchField) -> float:
 
 
 def look(surface: Surface, points: Array, patches: Array, eyes: Array, size: int) -> Looks:
-    """Look from `eyes` at places on patches.
+    """Look from `eyes` at positions on patches.
 
     Parameters
     ----------
@@ -124,11 +124,11 @@ def look(surface: Surface, points: Array, patches: Array, eyes: Array, size: int
 def meet_surface(surface: Surface, seen: Looks, size: int) -> tuple[Array, Looks]:
     """Follow the reflected rays: indices (M,) int64 of those that meet the surface, and the looks at what they meet."""
     able = np.flatnonzero(np.isfinite(seen.reflected[:, 0]))
-    ways = seen.reflected[able]
-    start = seen.points[able] + LIFT * surface.texel * seen.normals[able] + CLEAR * surface.texel * ways
-    t, patches = cast(surface, start, ways)
+    directions = seen.reflected[able]
+    start = seen.points[able] + LIFT * surface.texel * seen.normals[able] + CLEAR * surface.texel * directions
+    t, patches = cast(surface, start, directions)
     met = np.flatnonzero(patches >= 0)
-    ends = start[met] + t[met, None] * ways[met]
+    ends = start[met] + t[met, None] * directions[met]
     return able[met], look(surface, ends, patches[met], seen.points[able[met]], size)
 
 

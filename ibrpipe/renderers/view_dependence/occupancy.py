@@ -66,8 +66,8 @@ def bit(number: int) -> int:
 
 
 def build_occupancy(sheets: Sequence[tuple[Array, int, tuple[Array, ...]]], texel: float) -> Occupancy:
-    """Build the grid of sheets, each (place (4, 4), columns, leaves); `texel` in scene units."""
-    poses = [(np.ascontiguousarray(place), np.linalg.inv(place), columns, leaves) for place, columns, leaves in sheets]
+    """Build the grid of sheets, each (pose (4, 4), columns, leaves); `texel` in scene units."""
+    poses = [(np.ascontiguousarray(pose), np.linalg.inv(pose), columns, leaves) for pose, columns, leaves in sheets]
     bounds, always = np.array([[np.inf] * 3, [-np.inf] * 3]), 0
     for number, sheet in enumerate(poses):
         if occupancy.bound_sheet(*sheet, bounds):

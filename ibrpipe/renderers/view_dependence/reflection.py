@@ -137,11 +137,11 @@ class Mirrors:
         """Shade pixels whose reflected rays meet nothing: (H, W) bool of those that are left, and how many are done."""
         surface, model, camera = self.surface, self.model, picture.camera
         view = np.concatenate([camera.world_from_pixel, camera.center[None]])
-        places = (surface.records, surface.corners, surface.poses, surface.normals, self.active)
+        patches = (surface.records, surface.corners, surface.poses, surface.normals, self.active)
         lift, state = np.array([LIFT, CLEAR]) * surface.texel, np.empty(picture.depth.shape, np.uint8)
         grid, lights = surface.occupancy.grid, (model.texels, self.padded, model.law)
         seen = (picture.depth, picture.ids, picture.known)
-        shade_free(*seen, picture.color, view, places, lights, grid, surface.occupancy.always, lift, state)
+        shade_free(*seen, picture.color, view, patches, lights, grid, surface.occupancy.always, lift, state)
         return state == LEFT, int(np.count_nonzero(state == SHADED))
 
     @cached_property

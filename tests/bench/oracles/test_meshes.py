@@ -37,17 +37,17 @@ def test_oracle_equals_the_plain_twin(name, model):
     np.testing.assert_allclose(hits.truth.depth[sure], wanted[sure], rtol=1e-7)  # the twin stores depth as float32
 
 
-def test_place_and_rate_lead_along_the_ray():
-    """The texture's place of the hit, moved along the ray, is on the polygon where the ray meets it."""
+def test_position_and_rate_lead_along_the_ray():
+    """The texture's position of the hit, moved along the ray, is on the polygon where the ray meets it."""
     shot = choose_cases(["mesh-eye-above"])[0].build()
     hits = oracle.cast_relief(shot.source, oracle.relief_of(shot.source), shot.camera, "flat")
     there = np.isfinite(hits.truth.depth)
-    place, rate, t = hits.place[there], hits.rate[there], hits.truth.depth[there]
-    u, v, z = (place - (place[:, 2] / rate[:, 2])[:, None] * rate).T
+    position, rate, t = hits.position[there], hits.rate[there], hits.truth.depth[there]
+    u, v, z = (position - (position[:, 2] / rate[:, 2])[:, None] * rate).T
     np.testing.assert_allclose(z, 0.0, atol=1e-12)
     y, x = np.nonzero(there)
-    ways = np.column_stack([x + 0.5, y + 0.5, np.ones(len(x))]) @ shot.camera.world_from_pixel.T
-    top = shot.camera.center + (t - place[:, 2] / rate[:, 2])[:, None] * ways
+    rays = np.column_stack([x + 0.5, y + 0.5, np.ones(len(x))]) @ shot.camera.world_from_pixel.T
+    top = shot.camera.center + (t - position[:, 2] / rate[:, 2])[:, None] * rays
     np.testing.assert_allclose(top, np.column_stack([2 * u - 1, 1 - 2 * v, 0 * u]), atol=1e-6)
 
 

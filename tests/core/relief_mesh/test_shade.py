@@ -69,7 +69,7 @@ def lamp_of(light, probes=0, slopes=True):
     lamp = np.zeros(shade.LAMPS)
     lamp[shade.PROBES], lamp[shade.SLOPES] = probes, slopes
     if light is not None:
-        lamp[shade.LIT], lamp[shade.IS_PLACE], lamp[shade.WAY : shade.WAY + 3] = 1, light.is_place, light.way
+        lamp[shade.LIT], lamp[shade.IS_POINT], lamp[shade.TOWARD : shade.TOWARD + 3] = 1, light.is_place, light.way
         for slot, share in ((shade.AMBIENT, light.ambient), (shade.DIFFUSE, light.diffuse),
                             (shade.SPECULAR, light.specular)):  # fmt: skip
             lamp[slot : slot + 3] = share
