@@ -10,22 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.capture import audit_document
+from ibrpipe.capture import audit_document, audit_words
 from ibrpipe.capture.coverage import SurfacePoints, agreement, seen_points, spread_points
-from ibrpipe.capture.findings import Finding, Limits
+from ibrpipe.capture.findings import Finding, Limits, by_harm
 from ibrpipe.capture.mask_sense import inverted_masks, keeps_rim, perhaps_inverted
 from ibrpipe.capture.photo_quality import PhotoFigures, damaged, empty_mask, measure_photo, photo_findings
 from ibrpipe.capture.units import median_or_nan, other_units
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, IbrError
 from ibrpipe.io.captures import Capture
-from ibrpipe.io.views import View, load_depth, load_view
+from ibrpipe.io.views import View, hold_out_advice, load_depth, load_view
 from ibrpipe.progress import track
 from ibrpipe.types import Array, Mesh
-
-#: kinds of findings whose value is the whole sentence
-TOLD = ("left out", "decided")
-_MARK = {"error": "ERROR", "warning": "warning", "note": "note"}
 
 
 @dataclass(frozen=True)
@@ -76,8 +72,7 @@ def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = N
         findings += _surface_findings(photos, surface, capture, limits)
     elif mesh is None:
         findings += perhaps_inverted(capture.root, rims)
-    order = {"error": 0, "warning": 1, "note": 2}
-    return Audit(tuple(sorted(findings, key=lambda finding: order[finding.severity])), tuple(photos), coverage)
+    return Audit(tuple(by_harm(findings)), tuple(photos), coverage)
 
 
 def stop_on_errors(audit: Audit) -> None:
@@ -93,39 +88,9 @@ def stop_on_errors(audit: Audit) -> None:
         raise CaptureError(f"{audit.errors[0].line}{more}")
 
 
-def summary(audit: Audit, capture: Capture) -> str:
-    """The audit as plain text, worst first."""
-    counts = {name: sum(finding.severity == name for finding in audit.findings) for name in _MARK}
-    lines = [
-        f"{capture.root.name}: {len(capture.train)} photos, {len(capture.test)} held out; exposure: {capture.exposure}",
-        f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes",
-    ]
-    if audit.surface:
-        lines.append(
-            f"surface: {audit.surface['unseen']:.1%} of the area seen by no photo, {audit.surface['fewer_than_3']:.1%} "
-            f"by fewer than 3, {audit.surface['median_photos']} photos at the median"
-        )
-    for finding in audit.findings:
-        text = finding.value if finding.kind in TOLD else finding.line
-        lines.append(f"{_MARK[finding.severity]:8}{text}")
-    return "\n".join(lines) + "\n"
-
-
-def terminal_summary(audit: Audit, capture: Capture, lines: int = 8) -> str:
-    """What a user should see at once: counts, what was left out, the first warning of every kind, what was decided."""
-    shown = [f"{len(capture.train)} photos to build from, {len(capture.test)} held out"]
-    shown += [f"{_MARK['warning']}: {text}" for text in capture.warnings]
-    groups: dict[str, list[Finding]] = {}
-    for finding in audit.findings:
-        if finding.severity == "warning" and finding.kind not in TOLD:
-            groups.setdefault(finding.kind, []).append(finding)
-    for group in list(groups.values())[:lines]:
-        more = f" (and {len(group) - 1} more like this)" if len(group) > 1 else ""
-        shown.append(f"{_MARK['warning']}: {group[0].line}{more}")
-    if len(groups) > lines or any(len(group) > 1 for group in groups.values()):
-        shown.append("all warnings are in audit.txt")
-    shown += [f"{_MARK['note']}: {text}" for text in capture.notes]
-    return "\n".join(shown) + "\n"
+def terminal_summary(audit: Audit, capture: Capture) -> str:
+    """Return what a user should see at once of an audit."""
+    return audit_words.terminal_summary(audit.findings, str(capture.root), len(capture.train), len(capture.test))
 
 
 def write_audit(audit: Audit, capture: Capture, data: Path, text: Path) -> None:
@@ -136,7 +101,9 @@ def write_audit(audit: Audit, capture: Capture, data: Path, text: Path) -> None:
         surface=None if audit.surface is None else audit_document.AuditedSurface(**rounded(audit.surface)),
     )
     data.write_text(document.to_json() + "\n", encoding="utf-8")
-    text.write_text(summary(audit, capture), encoding="utf-8")
+    counts = f"{len(capture.train)} photos, {len(capture.test)} held out; exposure: {capture.exposure}"
+    head = [f"{capture.root.name}: {counts}"]
+    text.write_text(audit_words.whole_text(audit.findings, head, audit.surface), encoding="utf-8")
 
 
 class Surface:
@@ -200,7 +167,7 @@ def _count_findings(capture: Capture) -> list[Finding]:
     if not capture.test:
         text = "has no photo held out"
         findings.append(
-            Finding("warning", "no test", root, text, "a test/ folder or more photos", "scores will be empty")
+            Finding("warning", "no test", root, text, "a test/ folder or more photos", _without_test(count))
         )
     unmasked = [view.name for view in capture.train if not view.masked]
     if unmasked and len(unmasked) < count:
@@ -209,6 +176,12 @@ def _count_findings(capture: Capture) -> list[Finding]:
             Finding("warning", "no mask", unmasked[0], text, "a mask for all or none", "add the missing ones")
         )
     return findings
+
+
+def _without_test(count: int) -> str:
+    """Say what a run without held-out photos lacks, and how some can be held out."""
+    less = f", unless --set ingest.hold_out_every={hold_out_advice(count)}" if hold_out_advice(count) else ""
+    return f"new views will not be measured{less}"
 
 
 def _pose_findings(train: Sequence[View], test: Sequence[View]) -> list[Finding]:

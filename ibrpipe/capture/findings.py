@@ -2,10 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 Severity = Literal["error", "warning", "note"]
+_SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
+#: kinds of findings whose value is the whole sentence
+TOLD = ("left out", "decided")
+#: kinds of warnings from what spoils everything to what spoils a little; others come behind
+_HARM = (
+    "inverted masks",
+    "units",
+    "sees nothing",
+    "outline",
+    "left out",
+    "same pose",
+    "no mask",
+    "few",
+    "thin coverage",
+    "no test",
+    "black",
+    "blurred",
+    "clipped",
+)
 
 
 @dataclass(frozen=True)
@@ -35,6 +55,16 @@ class Finding:
     def line(self) -> str:
         """The finding as one sentence."""
         return f"{self.file}: {self.value}; expected {self.expected}: {self.remedy}"
+
+
+def by_harm(findings: Iterable[Finding]) -> list[Finding]:
+    """Return the findings sorted by severity, then by how much harm their kind does; else as they came."""
+
+    def rank(finding: Finding) -> tuple[int, int]:
+        harm = _HARM.index(finding.kind) if finding.kind in _HARM else len(_HARM)
+        return _SEVERITIES.index(finding.severity), harm
+
+    return sorted(findings, key=rank)
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,9 @@ def command(
         click.echo(json.dumps(summary(out, done), indent=2))
     else:
         click.echo(f"{out}: {len(done)} stages, {duration(sum(each.seconds for each in done.values()))} of work")
+        warned = _warnings(out, done)
+        if warned:
+            click.echo(warned)
         report = _fresh("report", out, done)
         if report is not None:
             click.echo(f"report: {report}")
@@ -98,6 +101,13 @@ def summary(out: Path, done: dict[str, Manifest]) -> dict[str, Any]:
     metrics = _fresh("metrics", out, done)
     mean = None if metrics is None else json.loads(metrics.read_text(encoding="utf-8"))["mean"]
     return {"out": str(out), "stages": stages, "mean": mean}
+
+
+def _warnings(out: Path, done: Mapping[str, Manifest]) -> str:
+    """Return how many warnings the audit of the capture holds, and where; empty = none."""
+    text = _fresh("audit_text", out, done)
+    count = 0 if text is None else text.read_text(encoding="utf-8").count("\nwarning ")
+    return f"warnings about the capture: {count}, in {text}" if count else ""
 
 
 def _fresh(name: str, out: Path, done: Mapping[str, Manifest]) -> Path | None:

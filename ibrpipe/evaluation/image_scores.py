@@ -2,11 +2,12 @@
 
 Pictures are (H, W, 3) uint8, sRGB-coded. Outside the mask both pictures are set to black, so that windows and filters
 which reach over the silhouette meet no difference there; only mask pixels are averaged. Uncovered pixels are black in
-the render and count as such.
+the render and count as such, except in the figures over covered pixels.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,7 +128,16 @@ def highlight_pixels(truth: Array, diffuse: Array, mask: Array, threshold: int) 
     return binary_opening(mask & (difference >= threshold), np.ones((3, 3), bool))
 
 
-def score_frame(truth: Truth, frame: Frame, highlights: Array | None = None) -> Scores:
+def covered_pixels(frames: Iterable[Frame], mask: Array) -> Array:
+    """Return the mask pixels (H, W) that every one of the frames covers; a frame without alpha covers all."""
+    covered = mask.copy()
+    for frame in frames:
+        if frame.alpha is not None:
+            covered &= frame.alpha >= 0.5
+    return covered
+
+
+def score_frame(truth: Truth, frame: Frame, highlights: Array | None = None, covered: Array | None = None) -> Scores:
     """Score a rendered frame against a held-out view.
 
     Parameters
@@ -137,6 +147,8 @@ def score_frame(truth: Truth, frame: Frame, highlights: Array | None = None) -> 
         With color; depth and alpha where they are known.
     highlights : (H, W) bool, optional
         Part of the mask that is scored on its own too.
+    covered : (H, W) bool, optional
+        Part of the mask that the second set of figures is taken over.
     """
     if frame.color is None or frame.color.shape != truth.color.shape:
         got = None if frame.color is None else frame.color.shape
@@ -146,16 +158,27 @@ def score_frame(truth: Truth, frame: Frame, highlights: Array | None = None) -> 
     rmse, median = None, None
     if truth.depth is not None and frame.depth is not None:
         rmse, median = depth_errors(truth.depth, frame.depth, truth.mask)
+    inside = truth.mask if covered is None else covered
+    whole = _similarity(truth, picture, truth.mask)
+    within = whole if np.array_equal(inside, truth.mask) else _similarity(truth, picture, inside)
     return Scores(
-        psnr=psnr(truth.color, picture, truth.mask),
-        ssim=ssim(truth.color, picture, truth.mask),
-        flip=flip(truth.color, picture, truth.mask),
+        **whole,
         depth_rmse=rmse,
         depth_median=median,
         coverage=coverage(alpha, truth.mask),
+        **({} if covered is None else {f"{name}_covered": value for name, value in within.items()}),
         psnr_highlight=None if highlights is None else psnr(truth.color, picture, highlights),
-        psnr_rest=None if highlights is None else psnr(truth.color, picture, truth.mask & ~highlights),
+        psnr_rest=None if highlights is None else psnr(truth.color, picture, inside & ~highlights),
     )
+
+
+def _similarity(truth: Truth, picture: Array, mask: Array) -> dict[str, float | None]:
+    """Return the figures of likeness over the pixels of `mask`."""
+    return {
+        "psnr": psnr(truth.color, picture, mask),
+        "ssim": ssim(truth.color, picture, mask),
+        "flip": flip(truth.color, picture, mask),
+    }
 
 
 def blackened(picture: Array, mask: Array) -> Array:

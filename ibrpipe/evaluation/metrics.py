@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
@@ -25,8 +26,11 @@ class Scores(Document):
     )
     depth_median: float | None = Field(default=None, description="Median absolute depth error over the same pixels")
     coverage: float | None = Field(description="Share of the mask's pixels that are rendered, 0..1")
+    psnr_covered: float | None = Field(default=None, description="As psnr, over the pixels that all methods cover")
+    ssim_covered: float | None = Field(default=None, description="As ssim, over the pixels that all methods cover")
+    flip_covered: float | None = Field(default=None, description="As flip, over the pixels that all methods cover")
     psnr_highlight: float | None = Field(default=None, description="dB over highlight pixels alone; null = none")
-    psnr_rest: float | None = Field(default=None, description="dB over the mask's other pixels; null = none")
+    psnr_rest: float | None = Field(default=None, description="dB over the other covered pixels; null = none")
     ms_per_frame: float | None = Field(default=None, description="Median milliseconds of a frame at the timing size")
     mpix_per_s: float | None = Field(default=None, description="Millions of pixels a second at the timing size")
 
@@ -35,10 +39,21 @@ class ViewMetrics(Document):
     """Scores of one held-out view."""
 
     name: str = Field(description="The view's name, as in the capture")
-    mask_pixels: int = Field(description="Pixels with mask coverage of at least one half")
-    highlight_pixels: int = Field(description="Mask pixels whose truth is far from the diffuse-only picture")
+    mask_pixels: int = Field(description="Pixels with mask coverage of at least one half; all without a mask")
+    covered_pixels: int | None = Field(
+        default=None, description="Mask pixels that all renderers and baselines cover; null = not counted"
+    )
+    highlight_pixels: int = Field(description="Covered pixels whose truth is far from the diffuse-only picture")
     renderers: dict[str, Scores] = Field(description="By renderer")
     baselines: dict[str, Scores] = Field(description="By baseline")
+
+
+class TrainingFit(Document):
+    """How the asset shows photos that it was made from; nothing is said of new views."""
+
+    views: list[ViewMetrics] = Field(description="Training photos, evenly spread; baselines: diffuse alone")
+    renderers: dict[str, Scores] = Field(description="Mean over them by renderer")
+    baselines: dict[str, Scores] = Field(description="Mean over them by baseline; of others their times")
 
 
 class ThresholdScores(Document):
@@ -101,10 +116,19 @@ class MetricsModel(Document):
 
     schema_version: int = Field(default=SCHEMA_VERSION, description="Version of this layout")
     renderer: str = Field(description="The renderer that `mean` speaks of")
-    views: list[ViewMetrics] = Field(description="Held-out views in the capture's order")
+    headline: Literal["mask", "covered"] = Field(
+        default="mask",
+        description="Figures to judge by: psnr, ssim, flip over the masks; or, where photos have no mask and show more "
+        "than there is surface, psnr_covered, ssim_covered, flip_covered, beside coverage",
+    )
+    views: list[ViewMetrics] = Field(description="Held-out views in the capture's order; none: nothing is held out")
     mean: Scores = Field(description="Mean over the views of the first renderer")
     renderers: dict[str, Scores] = Field(description="Mean over the views by renderer")
     baselines: dict[str, Scores] = Field(description="Mean over the views by baseline: diffuse, ulr, mesh")
+    training: TrainingFit | None = Field(
+        default=None, description="Where nothing is held out: the fit to the photos themselves; null = not needed"
+    )
+    not_measured: list[str] = Field(default=[], description="What could not be measured, why, and the remedy")
     geometry: GeometryScores | None = Field(
         default=None, description="Error of the surface; null = it was given, or no true mesh is known"
     )

@@ -28,15 +28,17 @@ def make_protocol(timed: Camera, repeats: int, views: int, highlight_threshold: 
             f"whose mask coverage is at least {MASK_THRESHOLD}; figures are means over the views.",
             "Mask pixels that a render leaves uncovered are black and count as such. Outside the mask both pictures "
             "are black, so that nothing there reaches into a window or filter.",
+            "All scores are taken a second time over the mask pixels that every renderer and baseline covers. Where "
+            "the photos have no masks, these come first: sky and walls that no method knows would drown all else.",
             "PSNR: mean squared error over the mask's pixels and three channels, peak 255; "
             f"{PSNR_CAP:.0f} dB stands for equal pictures.",
             f"SSIM: scikit-image, window {SSIM_WINDOW}, each channel for itself, mean of the map over the mask.",
             f"FLIP: flip-evaluator, LDR, {FLIP_PPD:.0f} pixels per degree, mean of the map over the mask.",
             "Depth error: along camera z, in scene units, over mask pixels that both truth and render hit.",
             "Coverage: share of the mask's pixels that the render hits.",
-            "Highlight pixels: mask pixels where the photo and the diffuse-only picture differ by "
+            "Highlight pixels: pixels that all methods cover, where the photo and the diffuse-only picture differ by "
             f"{highlight_threshold} of 255 codes or more in some channel, in patches of at least 3 x 3. They are "
-            "chosen by the error of diffuse-only, bound to do badly there; read them beside the whole mask's figures.",
+            "chosen by the error of diffuse-only, bound to do badly there; read them beside those of all pixels.",
             "diffuse: the same asset and renderer without residuals. ulr: unstructured lumigraph; at every pixel the "
             "mesh is cast and the best four training photos that see the point are blended, weights dot_i - dot_4. "
             "mesh: the mesh with, at every pixel, the median of all training photos that see the point; its time is "

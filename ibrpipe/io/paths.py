@@ -2,7 +2,7 @@
 
 A path is written as one text:
 
-- ``test``, ``train``, ``all``: the views of the capture itself;
+- ``test``, ``train``, ``all``: the views of the capture itself; ``test`` where nothing is held out: some of the photos;
 - a folder that holds a COLMAP model (or a capture folder with one), or a ``transforms.json``;
 - ``orbit`` or ``orbit:frames=120,elevation=20,fov=40``: a circle around the asset (`OrbitSpec` lists the keys).
 """
@@ -220,7 +220,7 @@ def camera_path(text: str, asset: Asset, views: ViewSet) -> CameraPath:
     ConfigError
         The path has no camera.
     """
-    own = {"test": views.test, "train": views.train, "all": (*views.train, *views.test)}
+    own = {"test": views.shown, "train": views.train, "all": (*views.train, *views.test)}
     if text in own:
         path: CameraPath = tuple((view.name, view.camera) for view in own[text])
     elif is_orbit(text):
@@ -230,7 +230,7 @@ def camera_path(text: str, asset: Asset, views: ViewSet) -> CameraPath:
         path = read_path(Path(text))
     if not path:
         raise ConfigError(
-            f"render: the path {text!r} has no camera; hold photos out (ingest.hold_out_every) or choose train or orbit"
+            f"render: the path {text!r} has no camera: no photo of the asset is known; choose orbit, or give --views"
         )
     return path
 

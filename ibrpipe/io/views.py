@@ -6,10 +6,10 @@ light, undistorted, exposure compensated, at the size that ``view.camera`` state
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from ibrpipe.io.photos.threshold_masks import threshold_mask
 from ibrpipe.types import Array, Camera
 
 MaskRule = Literal["coverage", "nonzero"]
+#: how many training photos are shown where none is held out
+STAND_INS = 8
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +111,23 @@ class ViewSet:
     test: tuple[View, ...] = ()
     mesh: Path | None = None
     info: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def shown(self) -> tuple[View, ...]:
+        """The held-out views; where there are none, some training photos in their stead, evenly spread."""
+        return self.test or tuple(spread(self.train, STAND_INS))
+
+
+def spread(items: Sequence[T], count: int) -> list[T]:
+    """Return at most `count` of the items, evenly spread, in order."""
+    if len(items) <= count:
+        return list(items)
+    return [items[(2 * index + 1) * len(items) // (2 * count)] for index in range(count)]
+
+
+def hold_out_advice(count: int) -> int | None:
+    """Return an `every` by which at least two of `count` photos are held out and two stay; None for fewer than four."""
+    return max(3, count // 2) if count >= 4 else None
 
 
 def load_view(view: View) -> tuple[Array, Array]:

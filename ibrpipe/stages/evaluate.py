@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import TypeVar
 
 import numba
 from pydantic import Field
@@ -21,21 +20,27 @@ from ibrpipe.errors import IbrError
 from ibrpipe.evaluation.compared_methods import ComparedMethods, compare_methods
 from ibrpipe.evaluation.geometry_scores import GeometryRules, filled_vertices, measure_geometry
 from ibrpipe.evaluation.ground_truth import TrueSurface, find_truth, placed_truth
-from ibrpipe.evaluation.held_out import held_out_views, load_truth
-from ibrpipe.evaluation.image_scores import highlight_pixels, score_frame, to_srgb8
-from ibrpipe.evaluation.metrics import GeometryScores, MetricsModel, Scores, ViewMetrics, mean_scores, write_metrics
+from ibrpipe.evaluation.held_out import not_measured
+from ibrpipe.evaluation.metrics import (
+    GeometryScores,
+    MetricsModel,
+    Scores,
+    TrainingFit,
+    ViewMetrics,
+    mean_scores,
+    write_metrics,
+)
 from ibrpipe.evaluation.protocol import make_protocol
-from ibrpipe.evaluation.report import ViewPictures, draw_view, read_sources, write_report
+from ibrpipe.evaluation.report import ViewPictures, read_sources, write_report
 from ibrpipe.evaluation.report.surface_pictures import SurfacePictures, draw_surface
+from ibrpipe.evaluation.report.words import summary_lines
+from ibrpipe.evaluation.scoring import score_views
 from ibrpipe.evaluation.sizes import bytes_of, seconds_of, view_dependence_bytes
 from ibrpipe.evaluation.timing import time_methods, timed_size
 from ibrpipe.io.frames import read_frames
 from ibrpipe.io.surfaces.meshes import read_mesh, read_vertex_values
-from ibrpipe.io.views import View, ViewSet, read_views
-from ibrpipe.progress import track
+from ibrpipe.io.views import ViewSet, read_views, spread
 from ibrpipe.types import Camera, Mesh
-
-T = TypeVar("T")
 
 
 class EvaluateConfig(StageConfig):
@@ -102,30 +107,35 @@ class Outputs(StageOutputs):
 def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     """Score the frames of the held-out views beside the baselines, time them, and write figures and report.
 
+    Where no view is held out, the asset is scored on some of the photos it was made from, and the report says what
+    could not be measured.
+
     Raises
     ------
-    CaptureError
-        No view is held out.
     MissingFileError, FormatError
         An input is missing or damaged.
     """
     began = perf_counter()
     views = read_views(inputs.views)
-    tested, frames = held_out_views(views), read_frames(inputs.frames)
+    frames = read_frames(inputs.frames)
     mesh = read_mesh(inputs.mesh)
     truth, geometry, surfaces = _surface(inputs, config, mesh, views)
     caster = MeshCaster(mesh, threads=numba.get_num_threads())
     methods = compare_methods(ibrpipe.read_asset(inputs.asset), frames, caster, load_photos(views.train, caster))
-    scored, pictures = _score_all(methods, tested, config)
-    cameras = _spread([timed_size(view.camera, config.timing_width) for view in tested], config.timing_views)
+    scored, pictures = _scored(methods, views, config)
+    cameras = spread([timed_size(view.camera, config.timing_width) for view in views.shown], config.timing_views)
     speeds = _speeds(time_methods(methods.timed, cameras, config.timing_repeats, config.timing_seconds), cameras)
-    renderers = {name: _mean([view.renderers[name] for view in scored], speeds[name]) for name in methods.renderers}
+    tested = scored if views.test else []
+    renderers = _means(methods.renderers, [view.renderers for view in tested], speeds)
     metrics = MetricsModel(
         renderer=frames.renderers[0],
-        views=scored,
+        headline="mask" if all(view.masked for view in views.shown) else "covered",
+        views=tested,
         mean=renderers[frames.renderers[0]],
         renderers=renderers,
-        baselines={name: _mean([view.baselines[name] for view in scored], speeds[name]) for name in methods.baselines},
+        baselines=_means(methods.baselines, [view.baselines for view in tested], speeds),
+        training=None if views.test else _fit(methods, scored, speeds),
+        not_measured=not_measured(views),
         geometry=geometry,
         geometry_truth=None if truth is None else truth.told,
         bytes=bytes_of(inputs.asset, views.train, inputs.mesh),
@@ -138,8 +148,8 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     write_metrics(metrics, outputs.metrics)
     told = read_sources(views, inputs.plan, inputs.audit, inputs.geometry)
     write_report(outputs.report, metrics, pictures, told, surfaces)
-    if truth is not None:
-        (inputs.out / "summary.txt").write_text(_told(truth, geometry), encoding="utf-8")
+    lines = summary_lines(metrics) + ([] if truth is None else _told(truth, geometry))
+    (inputs.out / "summary.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return outputs
 
 
@@ -174,45 +184,45 @@ def _surface(
     confidence = read_vertex_values(inputs.mesh).get("confidence") if inputs.mesh.suffix == ".ply" else None
     if true is None and confidence is None:
         return truth, None, []
-    shown = _spread(views.test or views.train, config.surface_views)
+    shown = spread(views.shown, config.surface_views)
     return truth, scores, draw_surface(mesh, shown, config.picture_width, confidence, true)
 
 
-def _told(truth: TrueSurface, scores: GeometryScores | None) -> str:
+def _told(truth: TrueSurface, scores: GeometryScores | None) -> list[str]:
     """Say in two lines at most what the surface is worth."""
     lines = [truth.told]
     if scores is not None:
         each = ", ".join(f"{score.f_score:.3f} at {100 * score.share:g} %" for score in scores.thresholds)
         lines.append(f"F-score of the surface {each} of the diagonal")
-    return "\n".join(lines) + "\n"
+    return lines
 
 
-def _score_all(
-    methods: ComparedMethods, views: Sequence[View], config: EvaluateConfig
+def _scored(
+    methods: ComparedMethods, views: ViewSet, config: EvaluateConfig
 ) -> tuple[list[ViewMetrics], list[ViewPictures]]:
-    """Score every view by every method, and draw the pictures of those that the report shows."""
-    shown = {view.name for view in _spread(views, config.report_views)}
-    scored, pictures = [], []
-    for view in track(views, "score"):
-        truth = load_truth(view)
-        frames = {name: draw(view) for name, draw in {**methods.renderers, **methods.baselines}.items()}
-        codes = {name: to_srgb8(frame.color) for name, frame in frames.items() if frame.color is not None}
-        highlights = highlight_pixels(truth.color, codes["diffuse"], truth.mask, config.highlight_threshold)
-        metrics = ViewMetrics(
-            name=view.name,
-            mask_pixels=int(truth.mask.sum()),
-            highlight_pixels=int(highlights.sum()),
-            renderers={name: score_frame(truth, frames[name], highlights) for name in methods.renderers},
-            baselines={name: score_frame(truth, frames[name], highlights) for name in methods.baselines},
-        )
-        scored.append(metrics)
-        if view.name in shown:
-            pictures.append(draw_view(metrics, truth, codes, highlights, config.picture_width))
-    return scored, pictures
+    """Score the held-out views, or, where there are none, the asset on some of its own photos, and draw some."""
+    if not views.test:  # the photos themselves, blended, would be no comparison
+        methods = replace(methods, baselines={"diffuse": methods.baselines["diffuse"]})
+    drawn = {view.name for view in spread(views.shown, config.report_views)}
+    return score_views(methods, views.shown, config.highlight_threshold, drawn, config.picture_width)
 
 
-def _mean(scores: Sequence[Scores], speed: Mapping[str, float]) -> Scores:
-    return mean_scores(scores).model_copy(update=dict(speed))
+def _means(
+    names: Iterable[str], scored: Sequence[Mapping[str, Scores]], speeds: Mapping[str, Mapping[str, float]]
+) -> dict[str, Scores]:
+    """Return, by method, the means of its scores, as far as it was scored, and its speed."""
+    return {
+        name: mean_scores([scores[name] for scores in scored if name in scores]).model_copy(update=dict(speeds[name]))
+        for name in names
+    }
+
+
+def _fit(methods: ComparedMethods, scored: list[ViewMetrics], speeds: Mapping[str, Mapping[str, float]]) -> TrainingFit:
+    return TrainingFit(
+        views=scored,
+        renderers=_means(methods.renderers, [view.renderers for view in scored], speeds),
+        baselines=_means(methods.baselines, [view.baselines for view in scored], speeds),
+    )
 
 
 def _speeds(times: Mapping[str, Sequence[float]], cameras: Sequence[Camera]) -> dict[str, dict[str, float]]:
@@ -222,13 +232,6 @@ def _speeds(times: Mapping[str, Sequence[float]], cameras: Sequence[Camera]) -> 
         name: {"ms_per_frame": sum(taken) / len(taken), "mpix_per_s": pixels / (1e3 * sum(taken))}
         for name, taken in times.items()
     }
-
-
-def _spread(items: Sequence[T], count: int) -> list[T]:
-    """Return at most `count` of the items, evenly spread, in order."""
-    if len(items) <= count:
-        return list(items)
-    return [items[(2 * index + 1) * len(items) // (2 * count)] for index in range(count)]
 
 
 STAGE = Stage(

@@ -42,7 +42,8 @@ class RenderConfig(StageConfig):
     path: str = Field(
         default="test",
         min_length=1,
-        description="Camera path: test, train, all, a COLMAP model folder, a transforms.json, or orbit:key=value,...",
+        description="Camera path: test (held-out views; without any, some of the photos), train, all, a COLMAP model "
+        "folder, a transforms.json, or orbit:key=value,...",
     )
     outputs: tuple[Output, ...] = Field(
         default=("color", "depth", "alpha"), min_length=1, description="What frames hold: color, depth, alpha"
@@ -109,7 +110,8 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
         The camera path does not exist or is empty.
     """
     asset = read_asset(inputs.asset)
-    path = camera_path(config.path, asset, read_views(inputs.views) if inputs.views else ViewSet((), ()))
+    views = read_views(inputs.views) if inputs.views else ViewSet((), ())
+    path = camera_path(config.path, asset, views)
     path = tuple((name, _sized(camera, config.width, config.height)) for name, camera in path)
     frames: list[RenderedFrame] = []
     videos: dict[str, str] = {}
@@ -125,6 +127,9 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
     outputs = Outputs.below(inputs.out)
     document = Frames(path=config.path, renderers=list(config.renderers), videos=videos, frames=frames)
     write_frames(outputs.frames_document, document)
+    if config.path == "test" and views.train and not views.test:
+        text = f"no photo is held out: the frames show {len(path)} of the {len(views.train)} photos' own views"
+        (inputs.out / "summary.txt").write_text(text + "\n", encoding="utf-8")
     return outputs
 
 

@@ -152,6 +152,20 @@ def test_a_frame_is_scored_with_uncovered_pixels_black():
     assert found.depth_rmse == pytest.approx(0.5)
     assert found.psnr_highlight == pytest.approx(20 * np.log10(255 / 188))
     assert found.psnr_rest == image_scores.PSNR_CAP
+    assert found.psnr_covered is None
+    covered = image_scores.covered_pixels([Frame(color, depth, alpha), Frame(color, depth, None)], mask)
+    assert (covered == (mask & (alpha > 0))).all()
+    inside = image_scores.score_frame(truth, Frame(color, depth, alpha), mask & ~mask, covered)
+    assert (inside.psnr, inside.psnr_covered) == (found.psnr, image_scores.PSNR_CAP)
+    assert (inside.ssim_covered, inside.flip_covered) == (pytest.approx(1), pytest.approx(0, abs=1e-6))
+    assert inside.psnr_rest == image_scores.PSNR_CAP  # what is not covered is no part of it
+
+
+def test_figures_of_a_fully_covered_mask_are_told_twice_alike():
+    truth = image_scores.Truth(flat(188), EVERYWHERE)
+    frame = Frame(np.full((40, 50, 3), 0.4, np.float32), None, None)
+    found = image_scores.score_frame(truth, frame, None, EVERYWHERE)
+    assert (found.psnr, found.ssim, found.flip) == (found.psnr_covered, found.ssim_covered, found.flip_covered)
 
 
 def test_a_frame_of_another_size_is_refused():

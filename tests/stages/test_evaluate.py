@@ -14,7 +14,7 @@ import pytest
 import ibrpipe
 from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
-from ibrpipe.errors import CaptureError, FormatError, MissingFileError
+from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.evaluation.baselines import render_median
 from ibrpipe.evaluation.metrics import MetricsModel, mean_scores, read_metrics
 from ibrpipe.io.photos.images import read_image
@@ -215,11 +215,40 @@ def test_a_damaged_list_of_frames_is_told(made, tmp_path, text):
         evaluate.run(inputs_of(made, frames=tmp_path, out=tmp_path), QUICK)
 
 
-def test_a_capture_without_held_out_views_is_told(made, tmp_path):
+def test_a_capture_without_held_out_views_ends_in_a_report_that_says_so(made, tmp_path):
     views = read_views(made / "ingest/views.json")
-    write_views(ViewSet(views.train, (), views.mesh, views.info), tmp_path / "views.json")
-    with pytest.raises(CaptureError, match="no held-out views to measure on; add a test/ folder"):
-        evaluate.run(inputs_of(made, views=tmp_path / "views.json", out=tmp_path), QUICK)
+    write_views(ViewSet(views.train[:5], (), views.mesh, views.info), tmp_path / "views.json")
+    told = evaluate.run(inputs_of(made, views=tmp_path / "views.json", out=tmp_path), QUICK)
+    found = read_metrics(told.metrics)
+    assert found.views == []
+    assert found.mean.psnr is None
+    assert found.mean.ms_per_frame > 0
+    assert found.training is not None
+    assert [view.name for view in found.training.views] == [view.name for view in views.train[:5]]
+    assert set(found.training.views[0].baselines) == {"diffuse"}  # photos blended would show themselves
+    assert found.training.renderers["ldi"].psnr > 10
+    (line,) = found.not_measured
+    assert "none of the 5 photos is held out" in line
+    assert line in told.report.read_text(encoding="utf-8")
+    assert line in (tmp_path / "summary.txt").read_text(encoding="utf-8")
+
+
+def test_without_masks_covered_pixels_come_first_and_uncovered_ones_are_no_highlights(made, tmp_path):
+    from dataclasses import replace
+
+    views = read_views(made / "ingest/views.json")
+    bare = tuple(replace(view, mask=None, mask_from_alpha=False) for view in views.test)
+    write_views(ViewSet(views.train, bare, views.mesh, views.info), tmp_path / "views.json")
+    found = read_metrics(evaluate.run(inputs_of(made, views=tmp_path / "views.json", out=tmp_path), QUICK).metrics)
+    assert found.headline == "covered"
+    masked = read_metrics(made / "report/metrics.json")
+    assert masked.headline == "mask"
+    for view in found.views:
+        assert view.mask_pixels == 96 * 72
+        assert view.highlight_pixels < view.covered_pixels < view.mask_pixels
+        own = view.renderers["ldi"]
+        assert own.psnr_covered > own.psnr + 1  # the bright surroundings are in no method
+    assert found.mean.psnr_covered == pytest.approx(masked.mean.psnr_covered, abs=1.5)
 
 
 @pytest.mark.real

@@ -134,10 +134,20 @@ def test_the_video_holds_every_frame(inputs: Inputs) -> None:
     assert np.abs(pictures[1].astype(int) - still).mean() < 6
 
 
-def test_a_capture_without_held_out_views_says_what_to_do(inputs: Inputs, tmp_path: Path) -> None:
-    write_views(ViewSet((View("a", camera(0), tmp_path / "a.png"),)), tmp_path / "none.json")
-    with pytest.raises(ConfigError, match="hold_out_every"):
-        run(replace(inputs, views=tmp_path / "none.json"), RenderConfig())
+def test_without_held_out_views_some_of_the_photos_are_rendered_and_that_is_told(
+    inputs: Inputs, tmp_path: Path
+) -> None:
+    views = tuple(View(f"p{k:02d}", camera(k % 4), tmp_path / "a.png") for k in range(20))
+    write_views(ViewSet(views), tmp_path / "none.json")
+    made = run(replace(inputs, views=tmp_path / "none.json"), RenderConfig(repeats=1))
+    listed = json.loads(made.frames_document.read_text(encoding="utf-8"))["frames"]
+    assert [frame["view"] for frame in listed] == [f"p{k:02d}" for k in (1, 3, 6, 8, 11, 13, 16, 18)]
+    assert "no photo is held out: the frames show 8 of the 20" in (made.frames / "summary.txt").read_text()
+
+
+def test_a_path_without_any_camera_is_told(inputs: Inputs) -> None:
+    with pytest.raises(ConfigError, match="'test' has no camera: no photo of the asset is known"):
+        run(replace(inputs, views=None), RenderConfig())
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from ibrpipe.evaluation.headline import headline, judged
 from ibrpipe.evaluation.metrics import MetricsModel
 from ibrpipe.evaluation.report import words
-from ibrpipe.evaluation.report.pictures import GAIN, ViewPictures, heat_colors
+from ibrpipe.evaluation.report.pictures import GAIN, UNCOVERED, ViewPictures, heat_colors
 from ibrpipe.evaluation.report.plot import speed_error_plot
 from ibrpipe.evaluation.report.sources import ReportSources
 from ibrpipe.evaluation.report.surface_pictures import PALE, WORST, SurfacePictures, confidence_colors, error_colors
@@ -55,8 +56,14 @@ def render_page(
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters.update(
-        number=words.number, size=words.size, plain=words.plain, surface_words=words.surface_words
+        number=words.number,
+        size=words.size,
+        plain=words.plain,
+        surface_words=words.surface_words,
+        percent=words.percent,
+        likeness=lambda scores: words.likeness(metrics, scores),
     )
+    rows = _rows(metrics)
     template = environment.from_string(
         resources.files("ibrpipe.evaluation.report").joinpath("template.html").read_text(encoding="utf-8")
     )
@@ -67,8 +74,11 @@ def render_page(
         names=NAMES,
         cards=words.cards(metrics),
         verdict=words.verdict(metrics),
-        plot=Markup(speed_error_plot(metrics)),
-        rows=_rows(metrics),
+        judged=judged(metrics),
+        first_psnr=lambda scores: headline(metrics, scores).psnr,
+        plot=Markup(speed_error_plot(metrics)) if metrics.views else None,
+        rows=rows,
+        scored_rows=[row for row in rows if row["scored"]],
         parts=_bars(_parts(metrics)),
         seconds=_bars(metrics.seconds),
         total_seconds=sum(metrics.seconds.values()),
@@ -79,6 +89,7 @@ def render_page(
         confidence_ramp=_gradient(confidence_colors()),
         worst=100 * WORST,
         pale="rgb({}, {}, {})".format(*PALE),
+        uncovered="rgb({}, {}, {})".format(*UNCOVERED),
         gain=GAIN,
     )
 
@@ -96,11 +107,18 @@ def _parts(metrics: MetricsModel) -> dict[str, int]:
 
 
 def _rows(metrics: MetricsModel) -> list[dict[str, Any]]:
-    """Return the rows of the table of scores, the best figure of each column marked."""
-    everyone = [("renderer", *item) for item in metrics.renderers.items()]
-    everyone += [("baseline", *item) for item in metrics.baselines.items()]
+    """Return the rows of the table of scores."""
+    known = judged(metrics)
+    everyone = [("renderer", *item) for item in known.renderers.items()]
+    everyone += [("baseline", *item) for item in known.baselines.items()]
     return [
-        {"kind": kind, "name": name, "label": NAMES.get(name, name), "cells": words.score_cells(scores)}
+        {
+            "kind": kind,
+            "name": name,
+            "label": NAMES.get(name, name),
+            "cells": words.score_cells(metrics, scores),
+            "scored": scores.psnr is not None,
+        }
         for kind, name, scores in everyone
     ]
 

@@ -8,14 +8,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ibrpipe.evaluation.image_scores import Truth
+from ibrpipe.evaluation.image_scores import Truth, to_srgb8
 from ibrpipe.evaluation.metrics import Scores, ViewMetrics
-from ibrpipe.types import Array
+from ibrpipe.types import Array, Frame
 
 #: how much differences are amplified
 GAIN = 4
 PAPER = (250, 250, 248)
 HIGHLIGHT = (214, 40, 90)
+#: where a method shows nothing
+UNCOVERED = (206, 212, 218)
 _MARGIN = 6
 _QUALITY = 93
 
@@ -44,7 +46,7 @@ class ViewPictures:
 
 
 def draw_view(
-    metrics: ViewMetrics, truth: Truth, codes: Mapping[str, Array], highlights: Array, width: int
+    metrics: ViewMetrics, truth: Truth, frames: Mapping[str, Frame], highlights: Array, width: int
 ) -> ViewPictures:
     """Draw one view, cropped to its mask.
 
@@ -53,34 +55,42 @@ def draw_view(
     metrics : ViewMetrics
         Scores that stand below the pictures.
     truth : Truth
-    codes : mapping of name to (H, W, 3) uint8
-        Rendered pictures in display code.
+    frames : mapping of name to Frame
+        Rendered pictures; where they are not covered, a flat grey is drawn.
     highlights : (H, W) bool
     width : int
         Widest picture in pixels; larger ones are shrunk.
     """
     crop = _crop(truth.mask)
     mask = truth.mask[crop]
-    shown = [name for name in (*metrics.renderers, "diffuse", "ulr") if name in codes]
+    shown = [name for name in (*metrics.renderers, "diffuse", "ulr") if name in frames]
     scores = {**metrics.renderers, **metrics.baselines}
     columns = tuple(
         Column(
-            name,
-            scores[name],
-            jpeg(_on_paper(codes[name][crop], mask), width),
-            jpeg(_on_paper(_heat(truth.color[crop], codes[name][crop]), mask), width),
+            name, scores[name], *(jpeg(_on_paper(drawn[crop], mask), width) for drawn in _drawn(truth, frames[name]))
         )
         for name in shown
     )
+    covered = metrics.mask_pixels if metrics.covered_pixels is None else metrics.covered_pixels
     return ViewPictures(
         name=metrics.name,
         width=min(width, mask.shape[1]),
         height=round(mask.shape[0] * min(1.0, width / mask.shape[1])),
         photo=jpeg(_on_paper(truth.color[crop], mask), width),
         highlights=jpeg(_on_paper(_marked(truth.color[crop], highlights[crop]), mask), width),
-        highlight_share=metrics.highlight_pixels / max(metrics.mask_pixels, 1),
+        highlight_share=metrics.highlight_pixels / max(covered, 1),
         columns=columns,
     )
+
+
+def _drawn(truth: Truth, frame: Frame) -> tuple[Array, Array]:
+    """Return a frame's picture and its difference from the photo, both grey where it is not covered."""
+    assert frame.color is not None
+    codes = to_srgb8(frame.color)
+    shown = np.ones(codes.shape[:2], bool) if frame.alpha is None else frame.alpha >= 0.5
+    grey = np.array(UNCOVERED, np.uint8)
+    both = codes, _heat(truth.color, codes)
+    return np.where(shown[..., None], both[0], grey), np.where(shown[..., None], both[1], grey)
 
 
 def heat_colors() -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from typing import Any
 
+from ibrpipe.evaluation.headline import headline
 from ibrpipe.evaluation.metrics import MetricsModel
 from ibrpipe.evaluation.report.words import milliseconds
 
@@ -53,10 +54,11 @@ def _marks(metrics: MetricsModel) -> list[tuple[str, float, float, str, str]]:
     marks = []
     for color, group in ((ASSET, metrics.renderers), (BASELINE, metrics.baselines)):
         for name, scores in group.items():
-            if scores.psnr is not None and scores.ms_per_frame is not None:
-                label = f"{name}\n{milliseconds(scores.ms_per_frame)}, {scores.psnr:.1f} dB"
+            psnr = headline(metrics, scores).psnr
+            if psnr is not None and scores.ms_per_frame is not None:
+                label = f"{name}\n{milliseconds(scores.ms_per_frame)}, {psnr:.1f} dB"
                 filling = "white" if name == "mesh" and group is metrics.baselines else color
-                marks.append((label, scores.ms_per_frame, rms_codes(scores.psnr), color, filling))
+                marks.append((label, scores.ms_per_frame, rms_codes(psnr), color, filling))
     return marks
 
 

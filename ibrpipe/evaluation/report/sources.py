@@ -7,8 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ibrpipe.capture.audit_words import below, worst_warnings
+from ibrpipe.capture.findings import Finding
 from ibrpipe.io.manifest import read_manifest
 from ibrpipe.io.views import ViewSet
+
+#: warnings in the head of the page
+WARNINGS = 4
 
 
 @dataclass(frozen=True)
@@ -25,8 +30,8 @@ class ReportSources:
         Width and height of the first photo in pixels.
     reasons : tuple of mapping
         The plan's ``{what, choice, reason, measured}``.
-    findings : tuple of mapping
-        The audit's ``{severity, kind, file, value, expected, remedy}``.
+    findings : tuple of Finding
+        The audit's, files named from the capture folder on.
     surface : mapping
         The audit's figures of how well the surface is seen.
     geometry : mapping
@@ -38,9 +43,15 @@ class ReportSources:
     test: int
     size: tuple[int, int]
     reasons: tuple[dict[str, Any], ...] = ()
-    findings: tuple[dict[str, Any], ...] = ()
+    findings: tuple[Finding, ...] = ()
     surface: dict[str, Any] | None = None
     geometry: dict[str, Any] | None = None
+
+    @property
+    def warnings(self) -> list[str]:
+        """The worst of the audit's warnings, one of every kind, and how many more there are."""
+        shown, more = worst_warnings(self.findings, WARNINGS)
+        return [*shown, f"{more} more below"] if more else shown
 
     @property
     def rungs(self) -> list[dict[str, Any]]:
@@ -61,17 +72,10 @@ def read_sources(views: ViewSet, plan: Path | None, audit: Path | None, geometry
         test=len(views.test),
         size=(first.width, first.height),
         reasons=tuple(planned.get("reasons", ())),
-        findings=tuple(_below(capture, finding) for finding in audited.get("findings", ())),
+        findings=tuple(below(Finding(**finding), capture) for finding in audited.get("findings", ())),
         surface=audited.get("surface") or made.get("coverage") or None,
         geometry=None if made.get("decision", "given") == "given" else {**made, "peak_memory_bytes": cost},
     )
-
-
-def _below(capture: str, finding: dict[str, Any]) -> dict[str, Any]:
-    """Return a finding with its files named from the capture folder on."""
-    if not capture:
-        return finding
-    return {key: str(value).replace(f"{capture}/", "").replace(f"{capture}\\", "") for key, value in finding.items()}
 
 
 def _read(path: Path | None) -> dict[str, Any]:

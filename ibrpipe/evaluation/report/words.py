@@ -6,10 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ibrpipe.evaluation.headline import headline, judged, second
 from ibrpipe.evaluation.metrics import MetricsModel, Scores
 
 NONE = "–"
 MINUS = "−"
+#: share of the pictures that a method may cover less than another and still be called as good
+LESS_COVERED = 0.02
 
 
 @dataclass(frozen=True)
@@ -23,13 +26,25 @@ class Card:
 
 
 def number(value: float | None, digits: int) -> str:
-    """Write a figure with a fixed number of decimals and a true minus sign."""
-    return NONE if value is None else f"{value:.{digits}f}".replace("-", MINUS)
+    """Write a figure with a fixed number of decimals and a true minus sign; what rounds to zero has no sign."""
+    return NONE if value is None else f"{_unsigned_zero(value, digits):.{digits}f}".replace("-", MINUS)
 
 
 def signed(value: float, digits: int = 1) -> str:
-    """Write a difference with its sign."""
-    return f"{value:+.{digits}f}".replace("-", MINUS)
+    """Write a difference with its sign; one that rounds to zero has none."""
+    rounded = _unsigned_zero(value, digits)
+    return f"{rounded:+.{digits}f}".replace("-", MINUS) if rounded else f"{0:.{digits}f}"
+
+
+def _unsigned_zero(value: float, digits: int) -> float:
+    return round(value, digits) or 0.0
+
+
+def percent(share: float | None) -> str:
+    """Write a share in percent, exact enough to tell almost all from all."""
+    if share is None:
+        return NONE
+    return f"{100 * share:.2f} %" if share > 0.99 else f"{100 * share:.0f} %"
 
 
 def size(count: int) -> str:
@@ -67,18 +82,8 @@ def view_dependence(metrics: MetricsModel) -> int:
 
 def cards(metrics: MetricsModel) -> list[Card]:
     """Return the headline figures."""
-    mean, ulr, diffuse, mesh = metrics.mean, *(metrics.baselines[name] for name in ("ulr", "diffuse", "mesh"))
-    found = [
-        Card(
-            "Held-out photos",
-            f"{number(mean.psnr, 1)} dB",
-            f"PSNR · SSIM {number(mean.ssim, 3)} · FLIP {number(mean.flip, 3)}",
-        )
-    ]
-    gap = _difference(mean.psnr, ulr.psnr)
-    if gap is not None:
-        tone = "good" if gap >= -0.5 else "fair" if gap >= -1.5 else "poor"
-        found.append(Card("Against the lumigraph", f"{signed(gap)} dB", "blending the four best photos anew", tone))
+    diffuse, mesh = metrics.baselines["diffuse"], metrics.baselines["mesh"]
+    found = [_likeness_card(metrics), *_coverage_card(metrics), *_gap_card(metrics)]
     share = metrics.bytes["asset"] / max(metrics.bytes["photos"], 1)
     note = f"of the photos' {size(metrics.bytes['photos'])}"
     found.append(
@@ -90,7 +95,7 @@ def cards(metrics: MetricsModel) -> list[Card]:
         found.append(
             Card(
                 "Frame",
-                milliseconds(mean.ms_per_frame),
+                milliseconds(metrics.mean.ms_per_frame),
                 note,
                 "good" if faster >= 1 else "fair" if faster >= 0.5 else "poor",
             )
@@ -98,42 +103,104 @@ def cards(metrics: MetricsModel) -> list[Card]:
     return found
 
 
+def _likeness_card(metrics: MetricsModel) -> Card:
+    known = judged(metrics)
+    first = known.renderers[metrics.renderer]
+    mean = headline(metrics, first)
+    note = f"PSNR · SSIM {number(mean.ssim, 3)} · FLIP {number(mean.flip, 3)}"
+    if metrics.headline == "covered":
+        note += f" · over the {percent(known.covered_share)} of the pictures that all methods cover"
+    elif first.coverage is not None:
+        note += f" · coverage {percent(first.coverage)}"
+    label = "Held-out photos" if known.new else "Its own photos (new views: not measured)"
+    return Card(label, f"{number(mean.psnr, 1)} dB", note)
+
+
+def _coverage_card(metrics: MetricsModel) -> list[Card]:
+    """Return what is covered, and the figure over the whole, where the headline leaves the rest out."""
+    first = judged(metrics).renderers[metrics.renderer]
+    if metrics.headline != "covered" or first.coverage is None:
+        return []
+    whole = f"of the pictures · {number(second(metrics, first).psnr, 1)} dB over the whole, where the rest is black"
+    return [Card("Coverage", percent(first.coverage), whole)]
+
+
+def _gap_card(metrics: MetricsModel) -> list[Card]:
+    """Return the difference from the lumigraph; who covers less than it is not praised."""
+    own, ulr = metrics.mean, metrics.baselines["ulr"]
+    gap = _difference(headline(metrics, own).psnr, headline(metrics, ulr).psnr)
+    if gap is None:
+        return []
+    less = _difference(ulr.coverage, own.coverage) or 0.0
+    note = "blending the four best photos anew"
+    if less > LESS_COVERED:
+        note += f", which covers {percent(less)} more"
+    tone = "poor" if gap < -1.5 else "fair" if gap < -0.5 or less > LESS_COVERED else "good"
+    return [Card("Against the lumigraph", f"{signed(gap)} dB", note, tone)]
+
+
 def verdict(metrics: MetricsModel) -> list[str]:
     """Return what was found, in sentences."""
-    return [
-        sentence for sentence in (_error(metrics), _highlights(metrics), _weight(metrics), _speed(metrics)) if sentence
-    ]
+    found = (_error(metrics), *metrics.not_measured, _highlights(metrics), _weight(metrics), _speed(metrics))
+    return [sentence for sentence in found if sentence]
+
+
+def summary_lines(metrics: MetricsModel) -> list[str]:
+    """Return what the terminal shows of the verdict."""
+    return [_error(metrics), *metrics.not_measured]
 
 
 def _error(metrics: MetricsModel) -> str:
-    mean, ulr, diffuse = metrics.mean, metrics.baselines["ulr"], metrics.baselines["diffuse"]
-    parts = [f"In {len(metrics.views)} held-out views the asset reaches {number(mean.psnr, 2)} dB PSNR"]
-    gap = _difference(mean.psnr, ulr.psnr)
-    if gap is not None:
-        relation = f"{abs(gap):.2f} dB {'more than' if gap >= 0 else 'less than'}"
-        parts.append(f"{relation} blending the four best photos anew at every pixel ({number(ulr.psnr, 2)} dB)")
-    gain = _difference(mean.psnr, diffuse.psnr)
+    known = judged(metrics)
+    own, ulr, diffuse = known.renderers[metrics.renderer], known.baselines.get("ulr"), known.baselines["diffuse"]
+    mean = headline(metrics, own)
+    where = f"In {len(known.views)} held-out views" if known.new else f"On {len(known.views)} of its own photos"
+    inside = ""
+    if metrics.headline == "covered":
+        inside = f" inside what all methods cover ({percent(known.covered_share)} of the pictures)"
+    parts = [f"{where} the asset reaches {number(mean.psnr, 2)} dB PSNR{inside}"]
+    gap = None if ulr is None else _difference(mean.psnr, headline(metrics, ulr).psnr)
+    if gap is not None and ulr is not None:
+        than = f"blending the four best photos anew at every pixel ({number(headline(metrics, ulr).psnr, 2)} dB)"
+        parts.append(f"{_relation(gap)} {than}")
+    gain = _difference(mean.psnr, headline(metrics, diffuse).psnr)
     if gain is not None and view_dependence(metrics):
-        parts.append(f"{abs(gain):.2f} dB {'more' if gain >= 0 else 'less'} than its diffuse colours alone")
-    covered = "" if mean.coverage is None else f" It covers {100 * mean.coverage:.2f} % of the mask."
-    return f"{parts[0]}{': ' if parts[1:] else ''}{', and '.join(parts[1:])}.{covered}"
+        parts.append(f"{_relation(gain)} its diffuse colours alone")
+    return f"{parts[0]}{': ' if parts[1:] else ''}{', and '.join(parts[1:])}.{_covered(metrics, own, ulr)}"
+
+
+def _relation(difference: float) -> str:
+    return f"{abs(difference):.2f} dB {'more' if difference >= 0 else 'less'} than"
+
+
+def _covered(metrics: MetricsModel, own: Scores, ulr: Scores | None) -> str:
+    """Say how much is covered, and what the figure over the other pixels is."""
+    if own.coverage is None:
+        return ""
+    other = second(metrics, own).psnr
+    if metrics.headline == "covered":
+        beside = "" if ulr is None else f" (lumigraph {number(second(metrics, ulr).psnr, 2)} dB)"
+        whole = f"over the whole, where the rest is black, it reaches {number(other, 2)} dB{beside}"
+        return f" It covers {percent(own.coverage)} of the pictures; {whole}."
+    inside = "" if other is None else f"; inside what all methods cover it reaches {number(other, 2)} dB"
+    return f" It covers {100 * own.coverage:.2f} % of the mask{inside}."
 
 
 def _highlights(metrics: MetricsModel) -> str:
     if not view_dependence(metrics):
         return "The plan found no view dependence worth its bytes: the asset holds no residuals."
-    mean, diffuse, ulr = metrics.mean, metrics.baselines["diffuse"], metrics.baselines["ulr"]
+    known = judged(metrics)
+    mean, diffuse, ulr = known.renderers[metrics.renderer], known.baselines["diffuse"], known.baselines.get("ulr")
     gain = _difference(mean.psnr_highlight, diffuse.psnr_highlight)
     if gain is None:
-        return "No pixel of the held-out photos is far from the diffuse colours."
-    share = sum(view.highlight_pixels for view in metrics.views) / max(
-        sum(view.mask_pixels for view in metrics.views), 1
-    )
+        return "No covered pixel of the photos is far from the diffuse colours."
     rest = _difference(mean.psnr_rest, diffuse.psnr_rest)
+    beside = "" if ulr is None else f"; lumigraph {number(ulr.psnr_highlight, 1)} dB"
     return (
-        f"Where highlights are ({100 * share:.0f} % of the pixels) residuals change the error by {signed(gain)} dB "
-        f"({number(diffuse.psnr_highlight, 1)} to {number(mean.psnr_highlight, 1)} dB; lumigraph "
-        f"{number(ulr.psnr_highlight, 1)} dB)" + ("" if rest is None else f", elsewhere by {signed(rest)} dB") + "."
+        f"Where highlights are ({100 * known.highlight_share:.0f} % of the covered pixels) residuals change the error "
+        f"by {signed(gain)} dB ({number(diffuse.psnr_highlight, 1)} to {number(mean.psnr_highlight, 1)} dB{beside})"
+        + ("" if rest is None else f", elsewhere by {signed(rest)} dB")
+        + "."
     )
 
 
@@ -178,15 +245,22 @@ def _ratio(one: float | None, other: float | None) -> float | None:
     return None if one is None or not other else one / other
 
 
-def score_cells(scores: Scores) -> list[str]:
-    """Return the cells of a row of the table of scores."""
+def likeness(metrics: MetricsModel, scores: Scores) -> str:
+    """Return the headline's figures of one picture, with its coverage."""
+    mean = headline(metrics, scores)
+    figures = f"{number(mean.psnr, 2)} dB · SSIM {number(mean.ssim, 3)} · FLIP {number(mean.flip, 3)}"
+    return f"{figures} · coverage {percent(scores.coverage)}"
+
+
+def score_cells(metrics: MetricsModel, scores: Scores) -> list[str]:
+    """Return the cells of a row of the table of scores; the headline's figures first."""
+    first, other = headline(metrics, scores), second(metrics, scores)
     return [
-        number(scores.psnr, 2),
-        number(scores.ssim, 4),
-        number(scores.flip, 4),
+        *(number(first.psnr, 2), number(first.ssim, 4), number(first.flip, 4)),
+        NONE if scores.coverage is None else f"{100 * scores.coverage:.2f} %",
+        *(number(other.psnr, 2), number(other.ssim, 4), number(other.flip, 4)),
         number(scores.psnr_highlight, 2),
         number(scores.psnr_rest, 2),
-        NONE if scores.coverage is None else f"{100 * scores.coverage:.2f} %",
         NONE if scores.depth_rmse is None else f"{scores.depth_rmse:.2g}",
         NONE if scores.ms_per_frame is None else f"{scores.ms_per_frame:.4g}",
         NONE if scores.mpix_per_s is None else f"{scores.mpix_per_s:.3g}",

@@ -7,16 +7,20 @@ import re
 import numpy as np
 import pytest
 
+from ibrpipe.cli.figures import score_table
 from ibrpipe.engine.machine import Machine
-from ibrpipe.evaluation.metrics import MetricsModel, Protocol, Scores, ViewMetrics
+from ibrpipe.evaluation.image_scores import Truth
+from ibrpipe.evaluation.metrics import MetricsModel, Protocol, Scores, TrainingFit, ViewMetrics
 from ibrpipe.evaluation.report import pictures, plot, words
 from ibrpipe.evaluation.report.page import _parts, render_page
 from ibrpipe.evaluation.report.sources import ReportSources
+from ibrpipe.types import Frame
 
 
-def scores(psnr, ms, highlight=None, rest=None):
+def scores(psnr, ms, highlight=None, rest=None, coverage=0.999, covered=None):
     return Scores(
-        psnr=psnr, ssim=0.9, flip=0.1, coverage=0.999, psnr_highlight=highlight, psnr_rest=rest,
+        psnr=psnr, ssim=0.9, flip=0.1, coverage=coverage, psnr_covered=covered, ssim_covered=0.95, flip_covered=0.05,
+        psnr_highlight=highlight, psnr_rest=rest,
         ms_per_frame=ms, mpix_per_s=0.3072 / ms * 1e3,
     )  # fmt: skip
 
@@ -67,7 +71,7 @@ def test_the_verdict_says_what_was_found():
     text = " ".join(words.verdict(metrics()))
     for part in (
         "27.10 dB PSNR", "0.40 dB less than blending", "4.10 dB more than its diffuse colours", "99.90 % of the mask",
-        "8 % of the pixels", "+6.0 dB (14.0 to 20.0 dB", "elsewhere by +0.5 dB", "3.5 MB", "78 % of the photos",
+        "8 % of the covered pixels", "+6.0 dB (14.0 to 20.0 dB", "elsewhere by +0.5 dB", "3.5 MB", "78 % of the photos",
         "takes 30 ms with residuals and 10 ms without", "1.50 times Embree's speed", "2.00 times as long",
     ):  # fmt: skip
         assert part in text, part
@@ -80,6 +84,110 @@ def test_the_verdict_does_not_praise_a_failure():
         assert part in text, part
     assert [card.tone for card in words.cards(poor)][1:3] == ["poor", "poor"]
     assert [card.tone for card in words.cards(metrics())][1:] == ["good", "good", "good"]
+
+
+def place():
+    """Photos without masks: the methods cover a good half of the pictures, and the rest is black in all."""
+    own = scores(9.7, 30.0, 20.0, 31.0, coverage=0.61, covered=30.5)
+    baselines = {
+        "diffuse": scores(9.6, 10.0, 14.0, 30.0, coverage=0.61, covered=29.0),
+        "ulr": scores(9.7, 400.0, 20.5, coverage=0.62, covered=30.53),
+        "mesh": scores(9.5, 15.0, coverage=0.62, covered=28.0),
+    }
+    view = ViewMetrics(
+        name="a",
+        mask_pixels=1000,
+        covered_pixels=600,
+        highlight_pixels=30,
+        renderers={"ldi": own},
+        baselines=baselines,
+    )
+    told = {"headline": "covered", "views": [view], "mean": own, "renderers": {"ldi": own}, "baselines": baselines}
+    return metrics().model_copy(update=told)
+
+
+def test_a_place_without_masks_is_judged_inside_what_is_covered():
+    text = " ".join(words.verdict(place()))
+    for part in (
+        "30.50 dB PSNR inside what all methods cover (60 % of the pictures)", "0.03 dB less than blending",
+        "covers 61 % of the pictures", "where the rest is black, it reaches 9.70 dB (lumigraph 9.70 dB)",
+        "5 % of the covered pixels",
+    ):  # fmt: skip
+        assert part in text, part
+    first, coverage, gap = words.cards(place())[:3]
+    assert (first.value, coverage.value, gap.value, gap.tone) == ("30.5 dB", "61 %", "0.0 dB", "good")
+    assert "9.7 dB over the whole" in coverage.note
+    page = render_page(place(), [], ReportSources("a", 3, 1, (4, 3)))
+    assert "where all cover" in page
+    assert "whole picture" in page
+    assert "30.5 dB" in plot.speed_error_plot(place())
+
+
+def test_who_covers_less_than_the_lumigraph_is_not_praised():
+    own = place().mean.model_copy(update={"coverage": 0.4})
+    gap = words.cards(place().model_copy(update={"mean": own, "renderers": {"ldi": own}}))[2]
+    assert (gap.tone, gap.value) == ("fair", "0.0 dB")
+    assert "covers 22 % more" in gap.note
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(-0.04, "0.0"), (0.04, "0.0"), (-0.05001, "−0.1"), (0.26, "+0.3"), (-0.0, "0.0")]
+)
+def test_a_difference_of_nothing_has_no_sign(value, text):
+    assert words.signed(value) == text
+    assert words.number(-0.001, 2) == "0.00"
+
+
+def unheld():
+    """Nothing is held out: times of all methods, and the fit to the photos themselves."""
+    own, diffuse = scores(33.0, 30.0), scores(28.0, 10.0)
+    view = ViewMetrics(
+        name="photo_7", mask_pixels=1000, highlight_pixels=0, renderers={"ldi": own}, baselines={"diffuse": diffuse}
+    )
+    timed = {
+        name: Scores(psnr=None, ssim=None, flip=None, coverage=None, ms_per_frame=ms, mpix_per_s=1.0)
+        for name, ms in {"ldi": 30.0, "diffuse": 10.0, "ulr": 400.0, "mesh": 15.0}.items()
+    }
+    baselines = {name: timed[name] for name in ("diffuse", "ulr", "mesh")}
+    fit = TrainingFit(views=[view], renderers={"ldi": own}, baselines={**baselines, "diffuse": diffuse})
+    told = {"views": [], "mean": timed["ldi"], "renderers": {"ldi": timed["ldi"]}, "baselines": baselines}
+    lost = "How well the asset shows new views was not measured"
+    return metrics().model_copy(update={**told, "training": fit, "not_measured": [lost]})
+
+
+def test_a_run_without_held_out_photos_says_what_was_not_measured():
+    text = " ".join(words.verdict(unheld()))
+    assert "On 1 of its own photos the asset reaches 33.00 dB PSNR" in text
+    assert "new views was not measured" in text
+    assert "lumigraph" not in text
+    labels = [card.label for card in words.cards(unheld())]
+    assert labels == ["Its own photos (new views: not measured)", "Asset", "Frame"]
+    page = render_page(unheld(), [], ReportSources("a", 3, 0, (4, 3)))
+    assert "none held out for measuring" in page
+    assert "nothing of new views" in page
+    assert "photo_7" in page
+    assert "Speed against error" not in page
+    table = "".join(str(cell) for column in score_table(unheld().model_dump()).columns for cell in column.cells)
+    assert "33.00" in table
+    assert "ulr (baseline)" in table
+
+
+def test_the_terminal_shows_the_covered_figures_first_where_there_are_no_masks():
+    headings = [str(column.header) for column in score_table(place().model_dump()).columns]
+    assert headings[1] == "PSNR dB"
+    assert headings[-1] == "whole picture dB"
+    assert next(iter(score_table(place().model_dump()).columns[1].cells)) == "30.50"
+    assert [str(column.header) for column in score_table(metrics().model_dump()).columns][-1] == "covered by all dB"
+
+
+def test_uncovered_pixels_are_grey_and_have_no_difference():
+    truth = Truth(np.full((8, 8, 3), 200, np.uint8), np.ones((8, 8), bool))
+    alpha = np.zeros((8, 8), np.float32)
+    alpha[:, :4] = 1
+    picture, difference = pictures._drawn(truth, Frame(np.full((8, 8, 3), 0.5, np.float32), None, alpha))
+    assert (picture[:, 4:] == pictures.UNCOVERED).all()
+    assert (difference[:, 4:] == pictures.UNCOVERED).all()
+    assert not (picture[:, :4] == pictures.UNCOVERED).any()
 
 
 def test_an_asset_without_residuals_says_so():
