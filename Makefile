@@ -9,8 +9,9 @@ demo: .venv/.ready  ## the whole job on a built-in synthetic capture; ends with 
 test: .venv/.ready  ## all tests
 	$(BIN)/python -m pytest -q
 
-plain: .venv/.ready  ## the kernels' tests with Numba's compiler off: what they do as plain Python
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/core
+# Six tests are left out, of what is compiled in the background and of the cache: with the compiler off nothing is.
+plain: .venv/.ready  ## the kernels' and renderers' tests with Numba's compiler off: what they do as plain Python
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/core tests/renderers
 
 hard-cases: .venv/.ready  ## every hard case with every renderer; fails where one is beyond its limit
 	$(BIN)/ibrpipe bench hard-cases --out bench

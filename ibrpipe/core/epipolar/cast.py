@@ -256,7 +256,7 @@ def walk(field, pyramid, P, Q, inverse, t0, far, F0, i, j, size):
     q0, q1, q2 = Q
     i0, i1 = inverse
     columns, rows = size
-    ai, aj = 1 if q0 > 0.0 else 0, 1 if q1 > 0.0 else 0
+    ai, aj = 1 if i0 > 0.0 else 0, 1 if i1 > 0.0 else 0
     last_i, last_j, top, level = int(columns) - 1, int(rows) - 1, len(meta) - 1, 1
     start, rate = (P2 - grid[0]) / grid[1], q2 / grid[1]
     while True:

@@ -9,6 +9,7 @@ import pytest
 from kernel_runs import on_all_thread_counts
 from small_fields import CAMERAS, depth_image, empty_picture, layers, lies_between, relief
 
+import ibrpipe
 from ibrpipe.core.epipolar import cast, patches, sweep
 from ibrpipe.core.epipolar import lines as el
 from ibrpipe.renderers.fields import build_field
@@ -110,3 +111,42 @@ def test_one_ray_meets_one_patch_as_the_twin_does(mask):
         assert want[0] * (1 - 1e-9) <= got <= want[1] * (1 + 1e-9)
         found += got < np.inf
     assert (found > 0) == (mask > 0)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_ray_along_an_axis_is_walked_forward_alone(axis, sign):
+    """A direction that is exactly 0 across keeps the ray in its row: no hit beside it or behind its start."""
+    height = np.ones((9, 9))
+    height[6, 2], height[2, 6] = -6.0, -6.0
+    one = map_of(relief_of(height if axis == 0 else height.T))
+    field, pyramid = (one.field.height.ravel(), 9), (one.nodes, one.meta, one.grid)
+    met = 0
+    for across in (0.5, 2.5, 3.5, 4.0, 5.75):
+        P, Q, inverse = np.array([4.0 - 6.0 * sign, across, 0.95]), np.array([sign, 0.0, 1e-3]), [sign, 1e290]
+        order = [axis, 1 - axis, 2]
+        i, j = np.array([0 if sign > 0 else 7, int(across)])[order[:2]]
+        t0, t1, *_, i, j = cast.walk(
+            field, pyramid, tuple(P[order]), tuple(Q[order]), tuple(inverse[k] for k in order[:2]), 2.0, 10.0, np.nan,
+            i, j, (8.0, 8.0),
+        )  # fmt: skip
+        crossed = rows_crossed(height, across, P, Q)
+        assert (i >= 0) == bool(crossed)
+        if crossed:
+            assert 2.0 <= t0 <= crossed[0] <= t1 <= 10.0
+            met += 1
+    assert met == 2
+
+
+def relief_of(height):
+    """The height field as a relief texture, cells one unit wide."""
+    frame = ibrpipe.ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+    return ibrpipe.ReliefTexture(frame, np.ones((*height.shape, 3)), height)
+
+
+def rows_crossed(height, across, P, Q):
+    """Where the ray, on the line `across`, crosses the field's profile: parameters t in [2, 10], ascending."""
+    row, share = min(int(across), 7), across - min(int(across), 7)
+    profile, t = (1 - share) * height[row] + share * height[row + 1], np.linspace(2.0, 10.0, 80001)
+    above = P[2] + t * Q[2] - np.interp(P[0] + t * Q[0], np.arange(9.0), profile)
+    return list(t[1:][(above[1:] > 0) != (above[:-1] > 0)])
