@@ -71,7 +71,10 @@ def _itself(value: Any) -> Any:
 
 #: a number that is written as it was given: 3 stays 3, where a float would become 3.0
 Number = Annotated[float, WrapValidator(_as_it_is), PlainSerializer(_itself)]
+#: a figure that is written with six significant digits: enough to read, the same on every machine
+Rounded = Annotated[float, PlainSerializer(lambda value: float(f"{value:.6g}"))]
 Share = Annotated[float, Field(ge=0, le=1)]
+RoundedShare = Annotated[Rounded, Field(ge=0, le=1)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix33 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
 Matrix34 = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=3, max_length=3)]

@@ -20,10 +20,13 @@ import numpy as np
 from ibrpipe.core.color import srgb_decode
 from ibrpipe.core.spiral import directions
 from ibrpipe.core.spiral.lookup import neighbours
+from ibrpipe.engine.artifacts import paths_below
+from ibrpipe.engine.artifacts import sources as stage_inputs
 from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, ConfigError, IbrError
 from ibrpipe.evaluation.baselines import render_ulr
 from ibrpipe.evaluation.image_scores import psnr, to_srgb8
+from ibrpipe.io.manifest import read_manifest
 from ibrpipe.io.residuals import read_residuals, write_residuals
 from ibrpipe.io.views import View, load_view, read_views
 from ibrpipe.modelling.diffuse import diffuse_frame
@@ -36,6 +39,7 @@ from ibrpipe.modelling.view_dependence.spiral_plan import SPIRAL, spiral_of
 from ibrpipe.modelling.view_dependence.work_units import Context, Sources, context_of, forget
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.view_dependence import spiral as residual_pass
+from ibrpipe.stages.registry import load_stage, load_stages
 from ibrpipe.types import Array, Asset, Camera, SpiralResiduals, SpiralTexture
 
 #: linear picture (H, W, 3) of a camera
@@ -51,7 +55,8 @@ def measure(run: Path, config: ResidualsConfig) -> list[Row]:
     CaptureError
         The run has no held-out views, or its plan wants no residuals.
     """
-    sources = Sources(run / "ingest/views.json", run / "geometry/mesh.ply", run / "plan/plan.json", run / "layers")
+    stage = load_stage("residuals")
+    sources = Sources(**paths_below(run, stage_inputs(stage, load_stages())))
     context, views = context_of(sources), read_views(sources.views).test
     wanted = [i for i, plan in enumerate(context.plans) if plan.component(SPIRAL)]
     if not views or not wanted:
@@ -263,10 +268,8 @@ def main(arguments: Sequence[str]) -> int:
 
 def _config_of(run: Path) -> ResidualsConfig:
     """Return the settings that the run's residuals were made with; the defaults if no manifest tells."""
-    manifest = run / "residuals/manifest.json"
-    if not manifest.is_file():
-        return ResidualsConfig()
-    return ResidualsConfig.model_validate(json.loads(manifest.read_text(encoding="utf-8"))["config"])
+    manifest = read_manifest(run / load_stage("residuals").folder)
+    return ResidualsConfig() if manifest is None else ResidualsConfig.model_validate(manifest.config)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ def compare_cameras(path: Path, truth: Path) -> dict[str, Any]:
     Parameters
     ----------
     path, truth : Path
-        Each a COLMAP model, or a capture, run or calibrate folder.
+        Each a COLMAP model, or a capture or calibrate folder.
 
     Returns
     -------
@@ -94,10 +94,9 @@ def _cameras(path: Path) -> dict[str, Shot]:
     """Name of each photo to its camera."""
     if not path.exists():
         raise MissingFileError(f"{path} does not exist; give a COLMAP model, or a capture, run or calibrate folder")
-    for folder in (path, path / "calibrate"):
-        model = folder if is_model(folder) else find_model(folder)
-        if model is not None:
-            return {shot.file: shot for shot in read_model(model, model)}
+    model = path if is_model(path) else find_model(path)
+    if model is not None:
+        return {shot.file: shot for shot in read_model(model, model)}
     if has_cameras(path):
         return {shot.file: shot for shot in read_shots(path)}
     raise CaptureError(f"{path}: no cameras found; give a COLMAP model, or a capture, run or calibrate folder")

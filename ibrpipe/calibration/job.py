@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ibrpipe.errors import FormatError
+from pydantic import TypeAdapter
+
 from ibrpipe.io.cameras.lenses import Lens
 
 
@@ -75,31 +74,14 @@ class Job:
     result: str
 
 
+_JOB = TypeAdapter(Job)
+
+
 def write_job(job: Job, path: Path) -> None:
     """Write a job as JSON."""
-    path.write_text(json.dumps(dataclasses.asdict(job), ensure_ascii=False), encoding="utf-8")
+    path.write_bytes(_JOB.dump_json(job))
 
 
 def read_job(path: Path) -> Job:
     """Read what `write_job` has written."""
-    values = json.loads(path.read_text(encoding="utf-8"))
-    photos = tuple(PhotoEntry(**entry) for entry in values.pop("photos"))
-    return Job(photos=photos, **values)
-
-
-def read_alignment(folder: Path) -> str | None:
-    """Return where the world of a calibrate folder comes from; None where it has no cameras of its own.
-
-    Raises
-    ------
-    FormatError
-        ``calibration.json`` is damaged.
-    """
-    path = folder / "calibration.json"
-    if not path.is_file():
-        return None
-    try:
-        world = json.loads(path.read_text(encoding="utf-8")).get("world")
-    except (ValueError, AttributeError) as error:
-        raise FormatError(f"{path}: not what the calibrate stage writes ({error}); run it again") from error
-    return None if world is None else str(world)
+    return _JOB.validate_json(path.read_bytes())

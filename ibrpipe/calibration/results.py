@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.calibration.alignment import Aligned
-from ibrpipe.calibration.document import Calibration
 from ibrpipe.calibration.features import Features
 from ibrpipe.calibration.job import Job
 from ibrpipe.calibration.lenses import Start, angle_of_view
@@ -16,6 +15,7 @@ from ibrpipe.calibration.spacing import Shared, shared_of, words
 from ibrpipe.engine.provenance import peak_memory
 from ibrpipe.io.cameras.colmap_write import ModelImage, SparseModel
 from ibrpipe.io.cameras.lenses import Lens, project
+from ibrpipe.io.documents.calibration import Calibration
 from ibrpipe.types import Array
 
 #: Photos with fewer points than this stand on weak feet
@@ -75,9 +75,8 @@ def figures(
         "points": len(model.xyz),
         "mean_track_length": tracks / len(model.xyz),
         "reprojection_error_px": {"mean": float(errors.mean()), "median": float(np.median(errors))},
-        "world": aligned.source,
         "units": aligned.units,
-        "alignment": {"how": aligned.words, **aligned.measured},
+        "alignment": {"source": aligned.source, "how": aligned.words, **aligned.measured},
         "lenses": lenses,
         "photos": photos,
         "other_models": [[image.name for image in each.images] for each in models[1:]],
@@ -206,14 +205,14 @@ def _listed(names: Sequence[str], most: int = 5) -> str:
 
 def summary(document: Calibration) -> str:
     """Say in few lines what a calibration has come to."""
-    error, lens, found = document.reprojection_error_px, document.lenses[0], document.alignment or {}
+    error, lens, found = document.reprojection_error_px, document.lenses[0], document.alignment
     exact = "" if error is None else f"; error {error.mean:.2f} px"
     lines = [
         f"{document.registered} of {document.photos_given} photos calibrated; {document.points} points, each "
         f"in {document.mean_track_length or 0.0:.1f} photos{exact}",
         f"{len(document.lenses)} lens{'es' if len(document.lenses) > 1 else ''}: {lens.model}, "
         f"{lens.angle_of_view_deg:.1f} degrees wide, started from: {lens.start}",
-        f"world: {found.get('how')}; units: {document.units}",
+        f"world: {found.how if found else None}; units: {document.units}",
     ]
     told = [f"{each.severity}: {each.file}: {each.text}; {each.remedy}" for each in document.findings]
     return "\n".join([*lines, *told]) + "\n"

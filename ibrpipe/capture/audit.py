@@ -4,38 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ibrpipe.capture import audit_document, audit_words
+from ibrpipe.capture import audit_words
 from ibrpipe.capture.coverage import SurfacePoints, agreement, seen_points, spread_points
-from ibrpipe.capture.findings import Finding, Limits, by_harm
+from ibrpipe.capture.findings import Limits, by_harm
 from ibrpipe.capture.mask_sense import inverted_masks, keeps_rim, perhaps_inverted
-from ibrpipe.capture.photo_quality import PhotoFigures, damaged, empty_mask, measure_photo, photo_findings
+from ibrpipe.capture.photo_quality import damaged, empty_mask, measure_photo, photo_findings
 from ibrpipe.capture.units import median_or_nan, other_units
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, IbrError
 from ibrpipe.io.captures import Capture
+from ibrpipe.io.documents.audit import Audit, AuditedPhoto, AuditedSurface, Finding
 from ibrpipe.io.views import View, hold_out_advice, load_depth, load_view
 from ibrpipe.progress import track
 from ibrpipe.types import Array, Mesh
-
-
-@dataclass(frozen=True)
-class Audit:
-    """Findings, the figures behind them, and how many photos see the surface (None without a mesh)."""
-
-    findings: tuple[Finding, ...]
-    photos: tuple[PhotoFigures, ...]
-    surface: dict[str, Any] | None = None
-
-    @property
-    def errors(self) -> tuple[Finding, ...]:
-        """Findings that stop the pipeline."""
-        return tuple(finding for finding in self.findings if finding.severity == "error")
 
 
 def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = None) -> Audit:
@@ -55,7 +40,7 @@ def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = N
     limits = limits or Limits()
     findings = _told_findings(capture) + _count_findings(capture) + _pose_findings(capture.train, capture.test)
     surface = None if mesh is None else Surface(spread_points(mesh, limits.samples), MeshCaster(mesh))
-    photos: list[PhotoFigures] = []
+    photos: list[AuditedPhoto] = []
     rims: list[bool] = []
     for view in track(capture.train + capture.test, "audit"):
         try:
@@ -72,7 +57,7 @@ def audit_capture(capture: Capture, mesh: Mesh | None, limits: Limits | None = N
         findings += _surface_findings(photos, surface, capture, limits)
     elif mesh is None:
         findings += perhaps_inverted(capture.root, rims)
-    return Audit(tuple(by_harm(findings)), tuple(photos), coverage)
+    return Audit(findings=by_harm(findings), photos=photos, surface=coverage)
 
 
 def stop_on_errors(audit: Audit) -> None:
@@ -95,12 +80,7 @@ def terminal_summary(audit: Audit, capture: Capture) -> str:
 
 def write_audit(audit: Audit, capture: Capture, data: Path, text: Path) -> None:
     """Write the audit as JSON to `data`, and as words to `text`."""
-    document = audit_document.Audit(
-        findings=[audit_document.Finding(**asdict(finding)) for finding in audit.findings],
-        photos=[audit_document.AuditedPhoto(**rounded(asdict(photo))) for photo in audit.photos],
-        surface=None if audit.surface is None else audit_document.AuditedSurface(**rounded(audit.surface)),
-    )
-    data.write_text(document.to_json() + "\n", encoding="utf-8")
+    data.write_text(audit.to_json() + "\n", encoding="utf-8")
     counts = f"{len(capture.train)} photos, {len(capture.test)} held out; exposure: {capture.exposure}"
     head = [f"{capture.root.name}: {counts}"]
     text.write_text(audit_words.whole_text(audit.findings, head, audit.surface), encoding="utf-8")
@@ -130,12 +110,12 @@ class Surface:
         self._observers += seen * (not view.held_out)
         return float(seen.mean()), overlap if view.masked and math.isfinite(overlap) else None
 
-    def coverage(self) -> dict[str, Any]:
+    def coverage(self) -> AuditedSurface:
         """Return the shares of the area by how many photos see it."""
         return _surface(self._observers, self._points)
 
 
-def _look(view: View, surface: Surface | None, rims: list[bool]) -> PhotoFigures:
+def _look(view: View, surface: Surface | None, rims: list[bool]) -> AuditedPhoto:
     colour, mask = load_view(view)
     if view.masked:
         rims.append(keeps_rim(mask))
@@ -143,7 +123,17 @@ def _look(view: View, surface: Surface | None, rims: list[bool]) -> PhotoFigures
         load_depth(view)
     sharpness, clipped, black, covered = measure_photo(view, colour, mask)
     seen, overlap = (None, None) if surface is None else surface.look(view, mask)
-    return PhotoFigures(view.name, view.held_out, sharpness, clipped, black, covered, seen, overlap, masked=view.masked)
+    return AuditedPhoto(
+        name=view.name,
+        held_out=view.held_out,
+        sharpness=sharpness,
+        clipped=clipped,
+        black=black,
+        covered=covered,
+        seen=seen,
+        overlap=overlap,
+        masked=view.masked,
+    )
 
 
 def _told_findings(capture: Capture) -> list[Finding]:
@@ -205,25 +195,25 @@ def _pose_findings(train: Sequence[View], test: Sequence[View]) -> list[Finding]
     return findings
 
 
-def _surface(observers: Array, points: SurfacePoints) -> dict[str, Any]:
+def _surface(observers: Array, points: SurfacePoints) -> AuditedSurface:
     """Shares of the area by how many photos see it, and where those lie that fewer than three see."""
     thin = observers < 3
     center = points.position[thin].mean(axis=0) if thin.any() else np.full(3, np.nan)
     facing = points.normal[thin].mean(axis=0) if thin.any() else np.full(3, np.nan)
     counts = np.bincount(np.minimum(observers, 10), minlength=11) / len(observers)
-    return {
-        "unseen": float(counts[0]),
-        "fewer_than_3": float(counts[:3].sum()),
-        "median_photos": int(np.median(observers)),
-        "share_by_photos": {f"{n}{'+' if n == 10 else ''}": float(share) for n, share in enumerate(counts)},
-        "thin_center": [float(f"{value:.6g}") for value in center] if thin.any() else None,
-        "thin_facing": [float(f"{value:.6g}") for value in facing] if thin.any() else None,
-        "samples": len(observers),
-    }
+    return AuditedSurface(
+        unseen=min(float(counts[0]), 1.0),
+        fewer_than_3=min(float(counts[:3].sum()), 1.0),
+        median_photos=int(np.median(observers)),
+        share_by_photos={f"{n}{'+' if n == 10 else ''}": float(share) for n, share in enumerate(counts)},
+        thin_center=center.tolist() if thin.any() else None,
+        thin_facing=facing.tolist() if thin.any() else None,
+        samples=len(observers),
+    )
 
 
 def _surface_findings(
-    photos: Sequence[PhotoFigures], surface: Surface, capture: Capture, limits: Limits
+    photos: Sequence[AuditedPhoto], surface: Surface, capture: Capture, limits: Limits
 ) -> list[Finding]:
     file, coverage = str(capture.mesh), surface.coverage()
     backs = median_or_nan(surface.backs)
@@ -245,19 +235,11 @@ def _surface_findings(
     return [*([units] if units else []), *_thin_findings(file, coverage, limits)]
 
 
-def _thin_findings(file: str, surface: dict[str, Any], limits: Limits) -> list[Finding]:
-    if surface["fewer_than_3"] > limits.thin:
-        text = f"fewer than 3 photos see {surface['fewer_than_3']:.1%} of its area ({surface['unseen']:.1%}: none)"
-        x, y, z = surface["thin_center"]
+def _thin_findings(file: str, surface: AuditedSurface, limits: Limits) -> list[Finding]:
+    if surface.thin_center is not None and surface.fewer_than_3 > limits.thin:
+        text = f"fewer than 3 photos see {surface.fewer_than_3:.1%} of its area ({surface.unseen:.1%}: none)"
+        x, y, z = surface.thin_center
         text += f", around ({x:.3g}, {y:.3g}, {z:.3g})"
         expected = f"at most {limits.thin:.0%}"
         return [Finding("warning", "thin coverage", file, text, expected, "add photos of the rest, or crop the mesh")]
     return []
-
-
-def rounded(document: dict[str, Any]) -> dict[str, Any]:
-    """Six significant digits: enough to read, the same on every machine."""
-    return {
-        key: float(f"{value:.6g}") if isinstance(value, float) else rounded(value) if isinstance(value, dict) else value
-        for key, value in document.items()
-    }

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from ibrpipe.capture.findings import TOLD, Finding, by_harm
+from ibrpipe.capture.findings import TOLD, by_harm
+from ibrpipe.io.documents.audit import AuditedSurface, Finding
 
 #: warnings that are shown at once
 SHOWN = 6
@@ -73,14 +73,14 @@ def terminal_summary(findings: Sequence[Finding], root: str, train: int, test: i
     return "\n".join(shown) + "\n"
 
 
-def whole_text(findings: Sequence[Finding], head: Sequence[str], surface: dict[str, Any] | None) -> str:
+def whole_text(findings: Sequence[Finding], head: Sequence[str], surface: AuditedSurface | None) -> str:
     """Return all findings, worst first, below the lines of `head` and the surface's figures."""
     counts = {name: sum(finding.severity == name for finding in findings) for name in _MARK}
     lines = [*head, f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes"]
     if surface:
         lines.append(
-            f"surface: {surface['unseen']:.1%} of the area seen by no photo, {surface['fewer_than_3']:.1%} "
-            f"by fewer than 3, {surface['median_photos']} photos at the median"
+            f"surface: {surface.unseen:.1%} of the area seen by no photo, {surface.fewer_than_3:.1%} "
+            f"by fewer than 3, {surface.median_photos} photos at the median"
         )
     lines += [f"{_MARK[finding.severity]:8}{sentence(finding)}" for finding in findings]
     return "\n".join(lines) + "\n"

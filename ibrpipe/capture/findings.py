@@ -1,12 +1,12 @@
-"""One thing that an audit found, and from where on a figure is worth telling."""
+"""How much harm findings of an audit do, and from where on a figure is worth telling."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
 
-Severity = Literal["error", "warning", "note"]
+from ibrpipe.io.documents.audit import Finding, Severity
+
 _SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 #: kinds of findings whose value is the whole sentence
 TOLD = ("left out", "decided")
@@ -26,35 +26,6 @@ _HARM = (
     "blurred",
     "clipped",
 )
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that the audit found.
-
-    Attributes
-    ----------
-    severity : {"error", "warning", "note"}
-        Errors stop the pipeline.
-    kind : str
-        Short fixed word, such as ``blurred``.
-    file : str
-        What it is about.
-    value, expected, remedy : str
-        What was met, what would be right, what to do.
-    """
-
-    severity: Severity
-    kind: str
-    file: str
-    value: str
-    expected: str
-    remedy: str
-
-    @property
-    def line(self) -> str:
-        """The finding as one sentence."""
-        return f"{self.file}: {self.value}; expected {self.expected}: {self.remedy}"
 
 
 def by_harm(findings: Iterable[Finding]) -> list[Finding]:

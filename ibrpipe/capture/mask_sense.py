@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrpipe.capture.findings import Finding, Severity
+from ibrpipe.io.documents.audit import Finding, Severity
 from ibrpipe.types import Array
 
 _EXPECTED = "masks that are white where the object is"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.capture.findings import Finding, Limits
+from ibrpipe.capture.findings import Limits
 from ibrpipe.core.color import luminance, srgb_decode, srgb_encode
+from ibrpipe.io.documents.audit import AuditedPhoto, Finding
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.views import View
 from ibrpipe.types import Array
@@ -20,35 +20,6 @@ CLIPPED = float(srgb_decode(np.float64(254.5 / 255.0)))
 BLACK = float(srgb_decode(np.float64(1.5 / 255.0)))
 #: The robust spread of a normal distribution is this times the median absolute deviation
 _MAD = 1.4826
-
-
-@dataclass(frozen=True)
-class PhotoFigures:
-    """What was measured in one photo.
-
-    Attributes
-    ----------
-    sharpness : float
-        Variance of the Laplacian over the variance of the sRGB-coded luminance, inside the mask.
-    clipped, black : float
-        Share of the mask's pixels with a channel at its top, with all channels at the bottom.
-    covered : float
-        Share of the picture that the mask keeps.
-    seen : float or None
-        Share of the surface's area that the photo sees; None without a mesh.
-    overlap : float or None
-        Mask against the mesh's outline, intersection over union; None without a mask or a mesh.
-    """
-
-    name: str
-    held_out: bool
-    sharpness: float
-    clipped: float
-    black: float
-    covered: float
-    seen: float | None
-    overlap: float | None
-    masked: bool = False
 
 
 def measure_photo(view: View, colour: Array, mask: Array) -> tuple[float, float, float, float]:
@@ -94,7 +65,7 @@ def empty_mask(view: View) -> Finding:
     return Finding("error", "empty mask", file, "the mask keeps no pixel of the photo", "some of it", remedy)
 
 
-def photo_findings(photos: Sequence[PhotoFigures], limits: Limits) -> list[Finding]:
+def photo_findings(photos: Sequence[AuditedPhoto], limits: Limits) -> list[Finding]:
     """What is worth telling of the photos' figures."""
     findings = [_blurred(photo, middle) for photo, middle in _blurred_photos(photos, limits.blurred)]
     for photo in photos:
@@ -119,7 +90,7 @@ def photo_findings(photos: Sequence[PhotoFigures], limits: Limits) -> list[Findi
     return findings
 
 
-def _blurred_photos(photos: Sequence[PhotoFigures], limit: float) -> list[tuple[PhotoFigures, float]]:
+def _blurred_photos(photos: Sequence[AuditedPhoto], limit: float) -> list[tuple[AuditedPhoto, float]]:
     """Photos whose sharpness is an outlier below, each with the median."""
     kept = [photo for photo in photos if photo.sharpness > 0]
     if len(kept) < 5:
@@ -131,6 +102,6 @@ def _blurred_photos(photos: Sequence[PhotoFigures], limit: float) -> list[tuple[
     return [(photo, math.exp(middle)) for photo, value in zip(kept, logs) if value < floor]
 
 
-def _blurred(photo: PhotoFigures, middle: float) -> Finding:
+def _blurred(photo: AuditedPhoto, middle: float) -> Finding:
     text = f"looks blurred (sharpness {photo.sharpness:.3g})"
     return Finding("warning", "blurred", photo.name, text, f"about {middle:.3g}", "take it again or remove it")

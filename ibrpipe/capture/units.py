@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrpipe.capture.findings import Finding, Severity
+from ibrpipe.io.documents.audit import Finding, Severity
 from ibrpipe.types import Array
 
 #: A mesh so many times larger or smaller than the ring of cameras is told; one that is seen from behind earlier

@@ -13,7 +13,7 @@ from ibrpipe.cli.options import PATH, example, json_option, workers_option
 from ibrpipe.cli.run import run_shown, summary
 from ibrpipe.cli.show import display, size
 from ibrpipe.cli.synth import made
-from ibrpipe.engine.artifacts import products
+from ibrpipe.engine.artifacts import paths_below, products
 from ibrpipe.engine.executor import executor
 from ibrpipe.engine.pipeline_file import load_pipeline
 from ibrpipe.engine.run_folder import only_run
@@ -38,11 +38,11 @@ def command(ctx: click.Context, out: Path, **shared: Any) -> None:
     if shared["as_json"]:
         click.echo(json.dumps(summary(out, done), indent=2))
         return
-    places = {name: out / source.path for name, source in products(load_stages()).items()}
-    metrics = json.loads(places["metrics"].read_text(encoding="utf-8"))
+    paths = paths_below(out, products(load_stages()))
+    metrics = json.loads(paths["metrics"].read_text(encoding="utf-8"))
     print_table(score_table(metrics))
     click.echo("size: " + ", ".join(f"{name} {size(count)}" for name, count in metrics["bytes"].items()))
-    click.echo(f"report: {places['report'].resolve()}")
+    click.echo(f"report: {paths['report'].resolve()}")
 
 
 command.params += [workers_option, json_option]

@@ -27,10 +27,13 @@ def command(source: Path, target: Path, form: str | None) -> None:
 
 def asset_folder(path: Path) -> Path:
     """Return the asset folder that `path` is, or the finished asset of the run folder that it is."""
-    from ibrpipe.engine.artifacts import products
-    from ibrpipe.stages.registry import load_stages
+    from ibrpipe.engine.artifacts import products, sources
+    from ibrpipe.io.assets import INDEX
+    from ibrpipe.stages.registry import load_stage, load_stages
 
-    finished = path / products(load_stages())["asset"].path
-    if (path / "asset.json").is_file():
+    if (path / INDEX).is_file():
         return path
-    return finished if finished.is_dir() or not (path / "assembled").is_dir() else path / "assembled"
+    stages = load_stages()
+    finished = path / products(stages)["asset"].path
+    uncompressed = path / sources(load_stage("compress"), stages)["asset"].path
+    return finished if finished.is_dir() or not uncompressed.is_dir() else uncompressed

@@ -42,8 +42,12 @@ command.params.append(json_option)
 
 def _compared(path: Path, truth: Path) -> Facts:
     from ibrpipe.calibration.compare import compare_cameras
+    from ibrpipe.engine.artifacts import products
+    from ibrpipe.stages.registry import load_stages
 
-    return {"kind": "cameras", "path": str(path), "truth": str(truth), **compare_cameras(path, truth)}
+    below = products(load_stages())["calibration"].path
+    found, wanted = (folder / below if (folder / below).is_dir() else folder for folder in (path, truth))
+    return {"kind": "cameras", "path": str(path), "truth": str(truth), **compare_cameras(found, wanted)}
 
 
 def _tables(facts: Facts) -> list[Table]:

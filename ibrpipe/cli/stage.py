@@ -20,7 +20,7 @@ from ibrpipe.cli.options import (
     workers_option,
 )
 from ibrpipe.cli.show import display, told
-from ibrpipe.engine.artifacts import GIVEN, Source, input_fields, sources
+from ibrpipe.engine.artifacts import GIVEN, Source, input_fields, paths_below, sources
 from ibrpipe.engine.executor import executor
 from ibrpipe.engine.run_folder import only_run
 from ibrpipe.engine.runner import Job, run_job, upstream_keys
@@ -75,7 +75,7 @@ def _config(stage: Stage, values: dict[str, Any]) -> Any:
 
 def _run(stage: Stage, stages: Sequence[Stage], config: Any, values: dict[str, Any]) -> Manifest:
     out: Path = values["out"]
-    places = {name: out / source.path for name, source in sources(stage, stages).items()} | {"run": out}
+    places = {**paths_below(out, sources(stage, stages)), "run": out}
     fields = {name: _input(stage, name, required, values, places) for name, required in input_fields(stage).items()}
     fields = {name: value for name, value in fields.items() if value is not None}
     job = Job(stage, fields, config, out / stage.folder, upstream_keys(stage, stages, out))

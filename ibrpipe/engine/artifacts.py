@@ -58,6 +58,11 @@ def products(stages: Sequence[Stage]) -> dict[str, Source]:
     return {made.name: Source(stage, made) for stage in stages for made in stage.outputs.artifacts()}
 
 
+def paths_below(run: Path, found: Mapping[str, Source]) -> dict[str, Path]:
+    """Return where artifacts lie in the run folder `run`, by name."""
+    return {name: run / source.path for name, source in found.items()}
+
+
 def earlier(stage: Stage, stages: Sequence[Stage]) -> Sequence[Stage]:
     """Return the stages before `stage`; all where it is none of them."""
     names = [each.name for each in stages]
@@ -99,8 +104,7 @@ def wire(stage: Stage, stages: Sequence[Stage], run: Path, capture: Path | None,
     ConfigError
         No stage makes it.
     """
-    known = {name: run / source.path for name, source in sources(stage, stages).items()}
-    paths: dict[str, Path | None] = {**known, "capture": capture, "run": run}
+    paths: dict[str, Path | None] = {**paths_below(run, sources(stage, stages)), "capture": capture, "run": run}
     wired: dict[str, Any] = {}
     for name, required in input_fields(stage).items():
         if name == "seed":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,8 @@ from ibrpipe.core.similarity import centers, fit_cameras, move_points, move_pose
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.cameras.sources import has_cameras
 from ibrpipe.io.captures import read_shots
+from ibrpipe.io.documents.calibration import Calibration
+from ibrpipe.io.documents.geometry import Geometry
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import View
 from ibrpipe.types import Array, Mesh
@@ -50,12 +51,17 @@ def find_truth(
 
     It is the one that is named, else the capture's own where the run's was made without it, else what the capture keeps
     aside in ``truth/``; a run that used the capture's mesh has none.
+
+    Raises
+    ------
+    FormatError
+        ``geometry.json`` is damaged.
     """
     if named is not None:
         return named
     if geometry is None or not geometry.is_file():
         return None
-    if json.loads(geometry.read_text(encoding="utf-8")).get("decision", "given") == "given":
+    if Geometry.read(geometry, "not what the geometry stage writes", "geometry").decision == "given":
         return None
     if given is not None:
         return given
@@ -80,7 +86,8 @@ def placed_truth(path: Path, views: Sequence[View], capture: Path | None, calibr
     mesh, name = read_mesh(path), _named(path, capture)
     true = _true_cameras(path.parent, views, capture)
     if true is None:
-        if _own_world(calibration):
+        found = Calibration.of_folder(calibration)
+        if found is not None and found.in_own_world:
             return TrueSurface(
                 path,
                 None,
@@ -129,12 +136,3 @@ def _true_cameras(folder: Path, views: Sequence[View], capture: Path | None) -> 
     if len(names) < 2:
         return None
     return np.array([true[name] for name in names]), np.array([found[name].camera.cam_from_world for name in names])
-
-
-def _own_world(calibration: Path | None) -> bool:
-    """Whether stage calibrate found cameras and nothing tied them to any other world."""
-    document = None if calibration is None else calibration / "calibration.json"
-    if document is None or not document.is_file():
-        return False
-    content = json.loads(document.read_text(encoding="utf-8"))
-    return content.get("decision") == "found" and content.get("world") == "own"

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.errors import FormatError
-from ibrpipe.io import frame_documents
-from ibrpipe.io.frame_documents import RenderedFrame
+from ibrpipe.io.documents import frames as documents
+from ibrpipe.io.documents.frames import RenderedFrame
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.photos.images import read_depth, read_image, write_exr, write_png
 from ibrpipe.io.views import View
@@ -56,7 +56,7 @@ def read_frames(folder: Path) -> Frames:
         It does not exist or is not what the render stage writes.
     """
     path = folder / "frames.json"
-    document = frame_documents.Frames.read(path, "is no list of frames", "render")
+    document = documents.Frames.read(path, "is no list of frames", "render")
     entries = {(entry.renderer, entry.view): entry for entry in document.frames}
     return Frames(folder, tuple(document.renderers), entries)
 
@@ -89,7 +89,7 @@ def frame_entry(
     )
 
 
-def write_frames(path: Path, document: frame_documents.Frames) -> None:
+def write_frames(path: Path, document: documents.Frames) -> None:
     """Write ``frames.json``."""
     path.write_text(document.to_json() + "\n", encoding="utf-8")
 

@@ -14,8 +14,8 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from ibrpipe.errors import CaptureError, FormatError
-from ibrpipe.io import view_documents as documents
 from ibrpipe.io.cameras.lenses import Lens, photo_positions
+from ibrpipe.io.documents import views as documents
 from ibrpipe.io.photos.images import read_coverage, read_depth, read_image
 from ibrpipe.io.photos.threshold_masks import threshold_mask
 from ibrpipe.types import Array, Camera

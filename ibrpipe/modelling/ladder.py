@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ibrpipe.modelling.plan_file import PlannedComponent, TexturePlan, Told, reason
+from ibrpipe.io.documents.plan import PlannedComponent
+from ibrpipe.modelling.plan_file import TexturePlan, Told, reason
 from ibrpipe.modelling.trial import LUMIGRAPH, MEDIAN, SHARPENED, TABLES, Trial, decibel
 from ibrpipe.modelling.view_dependence.spiral_images import spiral_images
 from ibrpipe.types import Reflection

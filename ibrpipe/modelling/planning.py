@@ -14,6 +14,7 @@ from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.components import find_kind
+from ibrpipe.io.documents.plan import PlannedComponent
 from ibrpipe.modelling.appearance import (
     Appearance,
     SurfaceSample,
@@ -24,7 +25,7 @@ from ibrpipe.modelling.appearance import (
 )
 from ibrpipe.modelling.frusta import Frustum, covered_share, cube_frusta, greedy_frusta
 from ibrpipe.modelling.ladder import Prices, climb
-from ibrpipe.modelling.plan_file import PlannedComponent, TexturePlan, Told, reason
+from ibrpipe.modelling.plan_file import TexturePlan, Told, reason
 from ibrpipe.modelling.rectangles import (
     Rectangle,
     RectangleConfig,

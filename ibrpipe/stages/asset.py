@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +14,9 @@ from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.assets import INDEX, AssetIndex, TextureEntry, write_index
 from ibrpipe.io.components import Component
+from ibrpipe.io.documents.plan import Plan
 from ibrpipe.io.views import read_views
+from ibrpipe.modelling.layers_document import Layers, LayersFigures
 from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.modelling.view_dependence.residuals_file import Figures, ResidualsFigures, measured, read_document
 
@@ -56,21 +57,21 @@ def run(inputs: Inputs, config: AssetConfig) -> Outputs:
         A stage's output is missing or damaged.
     """
     plans, views = read_plan(inputs.plan), read_views(inputs.views)
-    layers = json.loads((inputs.layers / "layers.json").read_text(encoding="utf-8"))["textures"]
+    layers = Layers.read(inputs.layers / "layers.json", "not what the layers stage writes", "layers").textures
     fitted = read_document(inputs.residuals)
     entries = [_entry(inputs, i, layers[i], fitted.of_texture(i)) for i in range(len(plans))]
     _copy(inputs, fitted.shared)
     provenance = {
         "photos": [view.name for view in views.train],
         "held_out": [view.name for view in views.test],
-        "reasons": json.loads(inputs.plan.read_text(encoding="utf-8"))["reasons"],
+        "reasons": [reason.model_dump(mode="json") for reason in Plan.read(inputs.plan, "not a plan", "plan").reasons],
     }
     index = AssetIndex(units=config.units, textures=entries, shared=fitted.shared, provenance=provenance)
     write_index(index, inputs.out)
     return Outputs.below(inputs.out)
 
 
-def _entry(inputs: Inputs, index: int, layers: dict[str, Any], fitted: Sequence[Figures]) -> TextureEntry:
+def _entry(inputs: Inputs, index: int, layers: LayersFigures, fitted: Sequence[Figures]) -> TextureEntry:
     """Copy the files of one texture and return its entry."""
     name = f"texture_{index:02d}"
     (inputs.out / name).mkdir(parents=True, exist_ok=True)
@@ -78,11 +79,11 @@ def _entry(inputs: Inputs, index: int, layers: dict[str, Any], fitted: Sequence[
     shutil.copyfile(refitted if refitted.is_file() else inputs.layers / name / LAYERS, inputs.out / name / LAYERS)
     components = [figures.component for figures in fitted]
     _copy(inputs, components)
-    told: dict[str, Any] = {"layers": layers, "residuals": None}
+    told: dict[str, Any] = {"layers": layers.model_dump(mode="json"), "residuals": None}
     for figures in fitted:
         spiral = isinstance(figures, ResidualsFigures)
         told["residuals" if spiral else figures.component.kind] = measured(figures)
-    return TextureEntry(name=layers["name"], layers=f"{name}/{LAYERS}", components=components, measured=told)
+    return TextureEntry(name=layers.name, layers=f"{name}/{LAYERS}", components=components, measured=told)
 
 
 def _copy(inputs: Inputs, components: Sequence[Component]) -> None:

@@ -14,7 +14,6 @@ import numba
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ibrpipe.calibration.child_process import run_child
-from ibrpipe.calibration.document import Calibration
 from ibrpipe.calibration.job import Job, write_job
 from ibrpipe.calibration.photos import photos_of, without_cameras
 from ibrpipe.calibration.results import WEAK, summary
@@ -24,6 +23,7 @@ from ibrpipe.engine.run_folder import kept_folder
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.cameras.sources import has_cameras, has_test
+from ibrpipe.io.documents.calibration import Calibration
 from ibrpipe.io.manifest import write_text
 from ibrpipe.progress import listener
 

@@ -12,13 +12,15 @@ from typing import Any
 
 from pydantic import Field
 
-from ibrpipe.capture.audit import Surface, rounded
+from ibrpipe.capture.audit import Surface
 from ibrpipe.capture.coverage import spread_points
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.run_folder import kept_folder
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.dense import DepthMap, Workspace, write_workspace
+from ibrpipe.io.documents.audit import AuditedSurface
+from ibrpipe.io.documents.geometry import Geometry
 from ibrpipe.io.manifest import digest, write_text
 from ibrpipe.io.points import read_points
 from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
@@ -28,7 +30,6 @@ from ibrpipe.reconstruction.depth import DepthConfig, estimate_depths
 from ibrpipe.reconstruction.depth.cost_model import depth_parts, megapixels
 from ibrpipe.reconstruction.depth.given import given_maps, lacking
 from ibrpipe.reconstruction.depth.spacing import spacing_of, warning
-from ibrpipe.reconstruction.document import Geometry
 from ibrpipe.reconstruction.surface.build import build_surface, surface_parts
 from ibrpipe.reconstruction.surface.settings import SurfaceConfig
 from ibrpipe.types import Mesh
@@ -175,12 +176,12 @@ def _counts(mesh: Mesh) -> dict[str, int]:
     return {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
 
 
-def _coverage(views: Sequence[View], mesh: Mesh, samples: int = 20_000) -> dict[str, Any]:
+def _coverage(views: Sequence[View], mesh: Mesh, samples: int = 20_000) -> AuditedSurface:
     """Say how well the photos see the surface, as the audit does of a given mesh."""
     surface = Surface(spread_points(mesh, samples), MeshCaster(mesh))
     for view in COVERAGE.track(views):
         surface.look(view, load_view(view)[1])
-    return rounded(surface.coverage())
+    return surface.coverage()
 
 
 def _link_tree(source: Path, target: Path) -> None:

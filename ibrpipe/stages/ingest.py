@@ -11,16 +11,16 @@ from pathlib import Path
 
 from pydantic import Field
 
-from ibrpipe.calibration.job import read_alignment
-from ibrpipe.capture import audit_document
 from ibrpipe.capture.audit import audit_capture, stop_on_errors, terminal_summary, write_audit
 from ibrpipe.capture.findings import Limits
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import CaptureError, FormatError
-from ibrpipe.io import view_documents
 from ibrpipe.io.cameras.lenses import Keep
 from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, read_capture
+from ibrpipe.io.documents.audit import Audit
+from ibrpipe.io.documents.calibration import Calibration
+from ibrpipe.io.documents.views import Views
 from ibrpipe.io.points import points_of_views, write_points
 from ibrpipe.io.surfaces.meshes import read_surface, write_mesh
 from ibrpipe.io.views import View, ViewSet, write_views
@@ -87,8 +87,8 @@ class Inputs:
 class Outputs(StageOutputs):
     """What ingest writes."""
 
-    views: Path = artifact("views.json", "views.json of the ingest stage.", view_documents.Views)
-    audit: Path = artifact("audit.json", "audit.json of the ingest stage.", audit_document.Audit)
+    views: Path = artifact("views.json", "views.json of the ingest stage.", Views)
+    audit: Path = artifact("audit.json", "audit.json of the ingest stage.", Audit)
     audit_text: Path = artifact("audit.txt", "The audit in words.")
     given: Path | None = artifact("mesh.ply", "The capture's own mesh (PLY).", optional=True)
     points: Path | None = artifact("points.npz", "Sparse points of the calibration (NPZ).", optional=True)
@@ -131,7 +131,8 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
 
 def _without_foreign_mesh(capture: Capture, calibration: Path | None) -> Capture:
     """Leave a mesh out that lies in another world than the cameras which the calibrate stage has found."""
-    if capture.mesh is None or calibration is None or read_alignment(calibration) != "own":
+    known = Calibration.of_folder(calibration)
+    if capture.mesh is None or known is None or not known.in_own_world:
         return capture
     note = f"{capture.mesh.name} is left out: the cameras were found from the photos alone, in a world of their own"
     return replace(capture, mesh=None, notes=(*capture.notes, note))

@@ -8,10 +8,11 @@ from pathlib import Path
 from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
+from ibrpipe.io.documents.plan import Plan
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.frusta import write_frusta
-from ibrpipe.modelling.plan_file import Plan, write_plan
+from ibrpipe.modelling.plan_file import write_plan
 from ibrpipe.modelling.planning import PlanConfig, make_plan
 
 

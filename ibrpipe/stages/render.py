@@ -15,7 +15,7 @@ from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import ShapeError
 from ibrpipe.io.assets import read_asset
-from ibrpipe.io.frame_documents import Frames, RenderedFrame
+from ibrpipe.io.documents.frames import Frames, RenderedFrame
 from ibrpipe.io.frames import frame_entry, write_frame, write_frames
 from ibrpipe.io.paths import CameraPath, camera_path, is_orbit, parse_orbit
 from ibrpipe.io.video import write_video

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ibrpipe.capture.audit_words import below, sentence, terminal_summary, worst_warnings
-from ibrpipe.capture.findings import Finding, by_harm
+from ibrpipe.capture.findings import by_harm
+from ibrpipe.io.documents.audit import Finding
 
 
 def warning(kind, file="a", value="v"):

@@ -30,10 +30,11 @@ def test_the_truth_is_named_withheld_or_kept_aside(tmp_path: Path) -> None:
     document = tmp_path / "geometry.json"
     assert find_truth(None, given, document) is None
     assert find_truth(None, given, None) is None
-    document.write_text(json.dumps({"decision": "given"}))
+    facts = {"schema": 1, "reason": "", "vertices": 3, "faces": 1}
+    document.write_text(json.dumps({"decision": "given", **facts}))
     aside.touch()
     assert find_truth(None, given, document, tmp_path / "capture") is None
-    document.write_text(json.dumps({"decision": "photos"}))
+    document.write_text(json.dumps({"decision": "photos", **facts}))
     assert find_truth(None, given, document, tmp_path / "capture") == given
     assert find_truth(None, None, document, tmp_path / "capture") == aside
     assert find_truth(None, None, document, tmp_path) is None
@@ -99,9 +100,11 @@ def test_without_true_cameras_a_world_of_its_own_is_not_measured(capture) -> Non
     folder, views, _ = capture
     document = folder / "run/calibrate/calibration.json"
     document.parent.mkdir(parents=True)
-    for known, world in ((True, {"decision": "given"}), (True, {"decision": "found", "world": "positions"}),
-                         (False, {"decision": "found", "world": "own"})):  # fmt: skip
-        document.write_text(json.dumps(world))
+    placed_by = {"decision": "found", "alignment": {"source": "positions", "how": ""}}
+    earlier = {"decision": "found", "world": "own", "alignment": {"how": ""}}
+    own = {"decision": "found", "alignment": {"source": "own", "how": ""}}
+    for known, facts in ((True, {"decision": "given"}), (True, placed_by), (False, earlier), (False, own)):
+        document.write_text(json.dumps({"schema": 1, "reason": "", **facts}))
         placed = placed_truth(folder / "truth/mesh.ply", views, folder, folder / "run/calibrate")
         assert (placed.mesh is not None) == known
     assert "no true cameras lie beside it" in placed.told
@@ -111,7 +114,8 @@ def test_a_bad_truth_costs_the_report_only_where_it_was_named(capture) -> None:
     folder, views, _ = capture
     (folder / "geometry").mkdir()
     write_mesh(MESH, folder / "geometry/mesh.ply")
-    (folder / "geometry/geometry.json").write_text(json.dumps({"decision": "photos"}))
+    facts = {"schema": 1, "reason": "", "vertices": 3, "faces": 1}
+    (folder / "geometry/geometry.json").write_text(json.dumps({"decision": "photos", **facts}))
     (folder / "truth/mesh.ply").write_text("no mesh")
     made = folder / "geometry"
     given = evaluate.Inputs(folder, folder, made / "mesh.ply", folder, folder, geometry=made / "geometry.json")

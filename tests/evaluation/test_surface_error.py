@@ -18,6 +18,7 @@ from ibrpipe.evaluation.report.surface_pictures import draw_surface, shade
 from ibrpipe.evaluation.report.surface_words import surface_sentences
 from ibrpipe.evaluation.surface_error import compare_surfaces
 from ibrpipe.io.dense import Workspace, write_map
+from ibrpipe.io.documents.geometry import Geometry
 from ibrpipe.io.surfaces.meshes import write_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.types import Camera, Mesh
@@ -109,14 +110,18 @@ def test_figures_and_words(ball, tmp_path: Path) -> None:
     scores = measure_geometry(_scaled(truth, 1.01), truth, "true.ply", views, None, rules)
     assert [score.f_score for score in scores.thresholds] == [0, 1]
     assert scores.depth is None
-    document = {"method": "poisson", "reason": "why", "faces": 12345, "unseen_share": 0.02, "boundary_loops": 1}
-    text = " ".join(surface_sentences(scores, document))
+    facts = {"schema": 1, "decision": "photos", "reason": "why", "vertices": 6000, "faces": 12345}
+    facts |= {"method": "poisson", "unseen_share": 0.02, "boundary_loops": 1}
+    text = " ".join(surface_sentences(scores, Geometry.model_validate(facts)))
     for part in ("Poisson", "1.000 at 1 %", "2.0 %", "1 open border,", "true.ply"):
         assert part in text
     assert surface_sentences(None, None) == []
-    document |= {"boundary_loops": 0, "filled_by_outlines": True, "voxel": 0.2, "voxel_wanted": 0.1}
-    document |= {"seconds": {"depth": 71.2, "fusion": 3}, "peak_memory_bytes": 1_200_000_000}
-    text = " ".join(surface_sentences(None, document))
+    facts |= {"boundary_loops": 0, "filled_by_outlines": True, "voxel": 0.2, "voxel_wanted": 0.1}
+    facts |= {"seconds": {"depth": 71.2, "fusion": 3}}
+    made = Geometry.model_validate(facts)
+    assert made.filled_by_hull  # by the name that it had earlier
+    assert '"filled_by_hull": true' in made.to_json()
+    text = " ".join(surface_sentences(None, made, peak_memory_bytes=1_200_000_000))
     for part in ("it is closed", "confidence 0", "2.0 times larger", "depth 71 s, fusion 3 s; 1.20 GB"):
         assert part in text
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from ibrpipe.errors import FormatError
-from ibrpipe.modelling.plan_file import PlannedComponent, TexturePlan, read_plan, reason, write_plan
+from ibrpipe.io.documents.plan import PlannedComponent
+from ibrpipe.modelling.plan_file import TexturePlan, read_plan, reason, write_plan
 from ibrpipe.modelling.rectangles import Rectangle
 from ibrpipe.modelling.view_dependence.spiral_plan import SpiralPlan, spiral_of
 

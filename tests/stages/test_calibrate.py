@@ -12,10 +12,10 @@ import pytest
 from textured_corner import HEIGHT, WIDTH, cameras, texture, write_photos
 
 from ibrpipe.calibration.compare import compare_cameras
-from ibrpipe.calibration.document import Calibration
 from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError, ResourceError
 from ibrpipe.io.captures import read_capture
+from ibrpipe.io.documents.calibration import Calibration
 from ibrpipe.io.photos.images import read_image, write_png
 from ibrpipe.io.points import read_points
 from ibrpipe.io.surfaces.meshes import write_mesh
@@ -62,7 +62,7 @@ def truth(photos: Path) -> Path:
 
 def test_cameras_are_found_to_a_thousandth_of_the_arc(photos: Path, found: Path) -> None:
     document = json.loads((found / "calibration.json").read_text(encoding="utf-8"))
-    assert (document["decision"], document["registered"], document["world"]) == ("found", COUNT, "own")
+    assert (document["decision"], document["registered"], document["alignment"]["source"]) == ("found", COUNT, "own")
     assert document["reprojection_error_px"]["mean"] < 0.5
     errors = compare_cameras(found, truth(photos))
     assert errors["photos"] == COUNT
@@ -267,7 +267,7 @@ def test_positions_give_the_world(photos: Path, found: Path, tmp_path: Path) -> 
     rows = [f"{name},{','.join(map(str, camera.center))}" for name, camera in zip(NAMES, cameras(COUNT))]
     (tmp_path / "p.csv").write_text("\n".join(["file,x,y,z", *rows]) + "\n")
     document = calibrated(photos, tmp_path / "calibrate", positions=str(tmp_path / "p.csv"))
-    assert document["world"] == "positions"
+    assert document["alignment"]["source"] == "positions"
     assert document["alignment"]["rms"] < 0.01
     assert compare_cameras(tmp_path / "calibrate", truth(photos))["scale"] == pytest.approx(1.0, abs=1e-6)
 
@@ -301,7 +301,7 @@ def test_given_cameras_are_refined_in_their_own_world(photos: Path, found: Path,
     write_colmap_text(capture / "sparse/0", NAMES, shaken)
     shutil.copytree(found.parent / ".calibrate.work", tmp_path / ".calibrate.work")
     document = calibrated(capture, tmp_path / "calibrate", mode="refine", refine_intrinsics="no")
-    assert (document["decision"], document["world"]) == ("refined", "given")
+    assert (document["decision"], document["alignment"]["source"]) == ("refined", "given")
     before, after = (compare_cameras(path, truth(photos)) for path in (capture, tmp_path / "calibrate"))
     assert after["center_mean"] < before["center_mean"] / 3
     assert after["rotation_mean_deg"] < before["rotation_mean_deg"] / 3
@@ -321,7 +321,7 @@ def test_photos_join_the_world_of_a_test_folder_with_cameras(photos: Path, tmp_p
     write_photos(capture / "test", tests)
     write_colmap_text(capture / "test/sparse/0", NAMES[:4], tests)
     document = calibrated(capture, tmp_path / "calibrate")
-    assert document["world"] == "given"
+    assert document["alignment"]["source"] == "given"
     assert {photo["name"] for photo in document["photos"]} == {*NAMES, *(f"test/{name}" for name in NAMES[:4])}
     assert not (tmp_path / "calibrate/test").exists()
     errors = compare_cameras(tmp_path / "calibrate", truth(photos))
@@ -333,7 +333,7 @@ def test_photos_join_the_world_of_a_test_folder_with_cameras(photos: Path, tmp_p
     shutil.move(truth_of(capture, photos), capture / "sparse")
     shutil.rmtree(capture / "test/sparse")
     document = calibrated(capture, tmp_path / "other")
-    assert (document["world"], document["reason"]) == ("given", "part of the capture has no cameras")
+    assert (document["alignment"]["source"], document["reason"]) == ("given", "part of the capture has no cameras")
     assert sorted(path.name for path in (tmp_path / "other").iterdir()) == ["calibration.json", "summary.txt", "test"]
     shutil.rmtree(capture / "sparse")
     document = calibrated(capture, tmp_path / "calibrate")
@@ -355,7 +355,7 @@ def test_markers_give_scale_origin_and_axes(tmp_path: Path) -> None:
     shots = cameras(COUNT)
     write_photos(tmp_path / "capture", shots, [walls[0], walls[1], floor])
     document = calibrated(tmp_path / "capture", tmp_path / "calibrate", markers={"size": 0.6})
-    assert document["world"] == "markers"
+    assert document["alignment"]["source"] == "markers"
     assert "markers 7, with marker 7 as the origin" in document["alignment"]["how"]
     assert document["alignment"]["rms"] < 0.01
     found = read_capture(tmp_path / "capture", ingest.CaptureOptions(0, cameras=tmp_path / "calibrate")).train

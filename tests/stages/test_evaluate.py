@@ -55,7 +55,7 @@ def made(tiny_glossy, tmp_path_factory):
         render.RenderConfig(repeats=1),
     )
     reason = {"what": "k <&>", "choice": 0.5, "reason": "because", "measured": {"angle_deg": 2.5}}
-    (out / "plan/plan.json").write_text(json.dumps({"reasons": [reason]}))
+    (out / "plan/plan.json").write_text(json.dumps({"schema": 1, "textures": [], "reasons": [reason]}))
     evaluate.run(inputs_of(out), QUICK)
     return out
 

@@ -16,10 +16,10 @@ from ibrpipe.engine.run_folder import kept_folder
 from ibrpipe.errors import CaptureError
 from ibrpipe.evaluation.surface_error import compare_surfaces
 from ibrpipe.io.dense import Workspace, read_map, write_map
+from ibrpipe.io.documents.geometry import Geometry
 from ibrpipe.io.surfaces.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import read_views, write_views
 from ibrpipe.reconstruction.depth.given import given_maps, lacking
-from ibrpipe.reconstruction.document import Geometry
 from ibrpipe.stages.geometry import STAGE, GeometryConfig, Inputs, run
 from ibrpipe.stages.registry import load_stages
 

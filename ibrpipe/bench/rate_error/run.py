@@ -13,6 +13,7 @@ import numpy as np
 from ibrpipe.bench.rate_error.results import RateCurve, RateErrorModel, RatePoint
 from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.embree import MeshCaster
+from ibrpipe.engine.artifacts import earlier, paths_below, products
 from ibrpipe.engine.machine import describe_machine
 from ibrpipe.errors import MissingFileError
 from ibrpipe.evaluation.baselines import render_ulr
@@ -30,6 +31,7 @@ from ibrpipe.io.views import View, read_views
 from ibrpipe.modelling.compression.steps import STEPS, CodingStep
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
+from ibrpipe.stages.registry import load_stage, load_stages
 from ibrpipe.types import Asset, Camera, Frame, Texture
 from ibrpipe.types.layers import pitch_of
 
@@ -57,15 +59,16 @@ def run_rate_error(runs: Sequence[Path], most_views: int) -> RateErrorModel:
 
 
 def _curve(run: Path, most_views: int) -> RateCurve:
-    for part in ("assembled/asset.json", "ingest/views.json", "geometry/mesh.ply"):
-        if not (run / part).is_file():
-            raise MissingFileError(f"{run / part}: no such file; give the folder of a run that has got as far as asset")
-    views, mesh = read_views(run / "ingest/views.json"), read_mesh(run / "geometry/mesh.ply")
+    made = paths_below(run, products(earlier(load_stage("compress"), load_stages())))
+    for part in (made["index"], made["views"], made["mesh"]):
+        if not part.is_file():
+            raise MissingFileError(f"{part}: no such file; give the folder of a run that has got as far as asset")
+    views, mesh = read_views(made["views"]), read_mesh(made["mesh"])
     tested = _spread(held_out_views(views), most_views)
-    photos = bytes_of(run / "assembled", views.train, run / "geometry/mesh.ply")["photos"]
+    photos = bytes_of(made["asset"], views.train, made["mesh"])["photos"]
     points = []
     with TemporaryDirectory(prefix="ibrpipe-") as scratch:
-        for series, label, folder in track(list(_codings(run / "assembled", Path(scratch))), f"rate-error {run.name}"):
+        for series, label, folder in track(list(_codings(made["asset"], Path(scratch))), f"rate-error {run.name}"):
             points.append(_measured(series, label, folder, tested, photos))
     caster = MeshCaster(mesh)
     shown = load_photos(views.train, caster)

@@ -84,7 +84,9 @@ def render_page(
         total_seconds=sum(metrics.seconds.values()),
         heat=_gradient(heat_colors()),
         surfaces=surfaces,
-        surface_lines=surface_sentences(metrics.geometry, sources.geometry, metrics.geometry_truth),
+        surface_lines=surface_sentences(
+            metrics.geometry, sources.geometry, metrics.geometry_truth, sources.geometry_memory_bytes
+        ),
         error_ramp=_gradient(error_colors()),
         confidence_ramp=_gradient(confidence_colors()),
         worst=100 * WORST,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeGuard
 
 from ibrpipe.capture.audit_words import below, worst_warnings
-from ibrpipe.capture.findings import Finding
+from ibrpipe.io.documents.audit import Audit, AuditedSurface, Finding
+from ibrpipe.io.documents.geometry import Geometry
+from ibrpipe.io.documents.plan import Plan, Reason
 from ibrpipe.io.manifest import read_manifest
 from ibrpipe.io.views import ViewSet
 
@@ -28,24 +29,27 @@ class ReportSources:
         Number of photos used and held out.
     size : (int, int)
         Width and height of the first photo in pixels.
-    reasons : tuple of mapping
-        The plan's ``{what, choice, reason, measured}``.
+    reasons : tuple of Reason
+        The plan's.
     findings : tuple of Finding
         The audit's, files named from the capture folder on.
-    surface : mapping
-        The audit's figures of how well the surface is seen.
-    geometry : mapping
-        What ``geometry.json`` says of the surface, and the memory it took; None where it was given.
+    surface : AuditedSurface
+        How well the surface is seen; None where nobody looked.
+    geometry : Geometry
+        How the surface was made; None where it was given.
+    geometry_memory_bytes : int
+        Memory that making it took at most; None where that is not known.
     """
 
     name: str
     train: int
     test: int
     size: tuple[int, int]
-    reasons: tuple[dict[str, Any], ...] = ()
+    reasons: tuple[Reason, ...] = ()
     findings: tuple[Finding, ...] = ()
-    surface: dict[str, Any] | None = None
-    geometry: dict[str, Any] | None = None
+    surface: AuditedSurface | None = None
+    geometry: Geometry | None = None
+    geometry_memory_bytes: int | None = None
 
     @property
     def warnings(self) -> list[str]:
@@ -54,32 +58,40 @@ class ReportSources:
         return [*shown, f"{more} more below"] if more else shown
 
     @property
-    def rungs(self) -> list[dict[str, Any]]:
+    def rungs(self) -> list[Reason]:
         """The reasons that tell what was modelled, from less to more data."""
-        return [entry for entry in self.reasons if str(entry.get("what", "")).startswith("rung ")]
+        return [reason for reason in self.reasons if reason.what.startswith("rung ")]
 
 
 def read_sources(views: ViewSet, plan: Path | None, audit: Path | None, geometry: Path | None) -> ReportSources:
-    """Gather what is known from the documents of earlier stages; None leaves one out."""
+    """Gather what is known from the documents of earlier stages; None, or no such file, leaves one out.
+
+    Raises
+    ------
+    FormatError
+        A document is damaged.
+    """
     capture = str(views.info.get("capture", ""))
-    planned, audited, made = _read(plan), _read(audit), _read(geometry)
+    planned = None if not _there(plan) else Plan.read(plan, "not a plan", "plan")
+    audited = None if not _there(audit) else Audit.read(audit, "not what the ingest stage writes", "ingest")
+    made = None if not _there(geometry) else Geometry.read(geometry, "not what the geometry stage writes", "geometry")
     manifest = None if geometry is None else read_manifest(geometry.parent)
-    cost = None if manifest is None else manifest.peak_memory_bytes
+    surface = None if audited is None else audited.surface
+    if surface is None and made is not None:
+        surface = made.coverage
     first = (views.train + views.test)[0].camera
     return ReportSources(
         name=Path(capture).name or "capture",
         train=len(views.train),
         test=len(views.test),
         size=(first.width, first.height),
-        reasons=tuple(planned.get("reasons", ())),
-        findings=tuple(below(Finding(**finding), capture) for finding in audited.get("findings", ())),
-        surface=audited.get("surface") or made.get("coverage") or None,
-        geometry=None if made.get("decision", "given") == "given" else {**made, "peak_memory_bytes": cost},
+        reasons=() if planned is None else tuple(planned.reasons),
+        findings=() if audited is None else tuple(below(finding, capture) for finding in audited.findings),
+        surface=surface,
+        geometry=None if made is None or made.decision == "given" else made,
+        geometry_memory_bytes=None if manifest is None else manifest.peak_memory_bytes,
     )
 
 
-def _read(path: Path | None) -> dict[str, Any]:
-    if path is None or not path.is_file():
-        return {}
-    content = json.loads(path.read_text(encoding="utf-8"))
-    return content if isinstance(content, dict) else {}
+def _there(path: Path | None) -> TypeGuard[Path]:
+    return path is not None and path.is_file()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from ibrpipe.evaluation.metrics import GeometryScores
+from ibrpipe.io.documents.geometry import Geometry
 
 _METHODS = {
     "volume": "averaging the signed distances of the depth maps",
@@ -15,63 +13,59 @@ _METHODS = {
 
 
 def surface_sentences(
-    scores: GeometryScores | None, document: Mapping[str, Any] | None, truth: str | None = None
+    scores: GeometryScores | None, made: Geometry | None, truth: str | None = None, peak_memory_bytes: int | None = None
 ) -> list[str]:
     """Return what the report says of the surface; nothing of a given one without a truth, of which `truth` tells."""
-    sentences = [] if document is None else _made(document)
+    sentences = [] if made is None else _made(made, peak_memory_bytes)
     sentences += [] if truth is None else [f"{truth}."]
     if scores is not None:
         sentences += _measured(scores)
     return sentences
 
 
-def _made(document: Mapping[str, Any]) -> list[str]:
-    how = _METHODS.get(str(document.get("method")), "other means")
-    source = "depth maps of the capture" if document.get("decision") == "depth" else "photos"
-    sentences = [f"Warning: {line}." for line in document.get("warnings") or ()]
-    sentences.append(f"The surface was made from the {source} by {how}: {document.get('reason', '')}.")
-    sentences.append("; ".join([f"It has {_grouped(document.get('faces', 0))} triangles", *_openness(document)]) + ".")
-    voxel, wanted = document.get("voxel"), document.get("voxel_wanted")
-    if voxel and wanted and voxel > 1.01 * wanted:
+def _made(made: Geometry, peak_memory_bytes: int | None) -> list[str]:
+    how = _METHODS.get(str(made.method), "other means")
+    source = "depth maps of the capture" if made.decision == "depth" else "photos"
+    sentences = [f"Warning: {line}." for line in made.warnings or ()]
+    sentences.append(f"The surface was made from the {source} by {how}: {made.reason}.")
+    sentences.append("; ".join([f"It has {_grouped(made.faces)} triangles", *_openness(made)]) + ".")
+    if made.voxel and made.voxel_wanted and made.voxel > 1.01 * made.voxel_wanted:
         sentences.append(
-            f"Memory made its voxels {voxel / wanted:.1f} times larger than asked for; a larger geometry.memory_mb "
-            "shows more detail."
+            f"Memory made its voxels {made.voxel / made.voxel_wanted:.1f} times larger than asked for; a larger "
+            "geometry.memory_mb shows more detail."
         )
-    cost = _cost(document)
+    cost = _cost(made, peak_memory_bytes)
     return [*sentences, cost] if cost else sentences
 
 
-def _openness(document: Mapping[str, Any]) -> list[str]:
+def _openness(made: Geometry) -> list[str]:
     """Say what is closed, what was seen, and what was filled."""
     parts = []
-    if "boundary_loops" in document:
-        loops, length = document["boundary_loops"], document.get("boundary_length", 0.0)
-        many = "border" if loops == 1 else "borders"
+    if made.boundary_loops is not None:
+        many = "border" if made.boundary_loops == 1 else "borders"
+        length = f"{made.boundary_length or 0.0:.3g} scene units long together"
         parts.append(
-            f"it ends in {loops} open {many}, {length:.3g} scene units long together" if loops else "it is closed"
+            f"it ends in {made.boundary_loops} open {many}, {length}" if made.boundary_loops else "it is closed"
         )
-    if "unseen_share" in document:
-        filled = "; it was filled from the masks' outlines and has confidence 0" if _filled(document) else ""
-        parts.append(f"{100 * document['unseen_share']:.1f} % of its area was seen by no depth map{filled}")
-    crossed = document.get("looked_through_share", 0.0)
-    if crossed > 0:
-        parts.append(f"depth maps look through {100 * crossed:.2f} % of it, which was kept so that it does not open")
-    second = document.get("two_sided") or {}
-    if second.get("share", 0.0) > 0:
+    if made.unseen_share is not None:
+        filled = made.filled_by_hull and made.unseen_share > 0
+        words = "; it was filled from the masks' outlines and has confidence 0" if filled else ""
+        parts.append(f"{100 * made.unseen_share:.1f} % of its area was seen by no depth map{words}")
+    if made.looked_through_share:
+        crossed = 100 * made.looked_through_share
+        parts.append(f"depth maps look through {crossed:.2f} % of it, which was kept so that it does not open")
+    second = made.two_sided or {}
+    share, thickness = second.get("share", 0.0), second.get("thickness", 0.0)
+    if isinstance(share, int | float) and share > 0:
         parts.append(
-            f"{100 * second['share']:.0f} % of it is a thin wall that photos see from both sides, and has a second "
-            f"side {second['thickness']:.3g} scene units from the first"
+            f"{100 * share:.0f} % of it is a thin wall that photos see from both sides, and has a second side "
+            f"{thickness:.3g} scene units from the first"
         )
     return parts
 
 
-def _filled(document: Mapping[str, Any]) -> bool:
-    return bool(document.get("filled_by_outlines")) and document["unseen_share"] > 0
-
-
-def _cost(document: Mapping[str, Any]) -> str:
-    seconds, peak = document.get("seconds") or {}, document.get("peak_memory_bytes")
-    spent = ", ".join(f"{name} {value:.0f} s" for name, value in seconds.items())
+def _cost(made: Geometry, peak: int | None) -> str:
+    spent = ", ".join(f"{name} {value:.0f} s" for name, value in (made.seconds or {}).items())
     memory = f"{peak / 1e9:.2f} GB of memory at most" if peak else ""
     both = "; ".join(part for part in (spent, memory) if part)
     return f"It took: {both}." if both else ""

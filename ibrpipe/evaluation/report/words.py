@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from ibrpipe.evaluation.headline import headline, judged, second
 from ibrpipe.evaluation.metrics import MetricsModel, Scores
+from ibrpipe.io.documents.audit import AuditedSurface
 
 NONE = "–"
 MINUS = "−"
@@ -226,14 +226,11 @@ def _speed(metrics: MetricsModel) -> str:
     )
 
 
-def surface_words(surface: Mapping[str, Any]) -> str:
+def surface_words(surface: AuditedSurface) -> str:
     """Say how well the photos see the surface, from the audit's figures."""
-    if not {"unseen", "fewer_than_3", "median_photos"} <= surface.keys():
-        return plain(dict(surface))
     return (
-        f"{100 * surface['unseen']:.1f} % of the surface is seen by no photo, "
-        f"{100 * surface['fewer_than_3']:.1f} % by fewer than three; at the median point "
-        f"{plain(surface['median_photos'])} photos see it."
+        f"{100 * surface.unseen:.1f} % of the surface is seen by no photo, {100 * surface.fewer_than_3:.1f} % by fewer "
+        f"than three; at the median point {surface.median_photos} photos see it."
     )
 
 

@@ -7,7 +7,8 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from ibrpipe.errors import FormatError
-from ibrpipe.modelling.plan_file import PlannedComponent, TexturePlan
+from ibrpipe.io.documents.plan import PlannedComponent
+from ibrpipe.modelling.plan_file import TexturePlan
 from ibrpipe.types import SpiralResiduals
 
 SPIRAL = SpiralResiduals.kind

@@ -113,7 +113,7 @@ def build_surface(
     found = less_sure(found, moved[surface.source], step)  # second sides moved along
     facts = {
         "method": made.method,
-        "filled_by_outlines": choice.hull_completion and made.method != "volume",
+        "filled_by_hull": choice.hull_completion and made.method != "volume",
         "reason": _reason(choice, made),
         "measured": {**measured, **_judged(made)},
         "points": len(fused.cloud.position),

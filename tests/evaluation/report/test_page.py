@@ -14,6 +14,7 @@ from ibrpipe.evaluation.metrics import MetricsModel, Protocol, Scores, TrainingF
 from ibrpipe.evaluation.report import pictures, plot, words
 from ibrpipe.evaluation.report.page import _parts, render_page
 from ibrpipe.evaluation.report.sources import ReportSources
+from ibrpipe.io.documents.plan import Reason
 from ibrpipe.types import Frame
 
 
@@ -209,13 +210,10 @@ def test_several_kinds_of_view_dependence_have_a_bar_each():
 
 def test_rungs_of_the_plan_are_told_with_what_was_measured_of_each():
     rungs = (
-        {
-            "what": "rung 2: shared reflection",
-            "choice": "taken",
-            "reason": "r2",
-            "measured": {"psnr": 30.061, "bytes": 690_000},
-        },
-        {"what": "rung 3: images per direction", "choice": "dropped", "reason": "r3", "measured": {"textures": 0}},
+        Reason(
+            what="rung 2: shared reflection", choice="taken", reason="r2", measured={"psnr": 30.061, "bytes": 690_000}
+        ),
+        Reason(what="rung 3: images per direction", choice="dropped", reason="r3", measured={"textures": 0}),
     )
     page = render_page(metrics(), [], ReportSources("a", 3, 1, (4, 3), reasons=rungs))
     rows = [row for row in page.split("<tr>") if "shared reflection" in row or "images per direction" in row]

@@ -12,9 +12,9 @@ from plane_scene import HEIGHT, PLACES, WIDTH, camera_at, take, true_depth
 from ibrpipe.capture.view_spacing import Spacing
 from ibrpipe.evaluation.report.surface_words import surface_sentences
 from ibrpipe.io.dense import DepthMap
+from ibrpipe.io.documents.geometry import Geometry
 from ibrpipe.io.views import View, ViewSet
 from ibrpipe.reconstruction.depth.spacing import angles_between, spacing_of, warning
-from ibrpipe.reconstruction.document import Geometry
 from ibrpipe.stages import geometry
 from ibrpipe.types import Camera
 
@@ -75,8 +75,9 @@ def test_the_warning_is_in_the_document_the_report_and_what_the_stage_tells(
 ) -> None:
     found = geometry._spacing(ring_or_sphere(40, False), 40, 0.6)
     document = {"decision": "photos", "reason": "depth agrees", "vertices": 3, "faces": 1, **found}
-    assert Geometry.model_validate({"schema": 1, **document}).spacing_deg == found["spacing_deg"]
-    assert surface_sentences(None, document)[0] == f"Warning: {found['warnings'][0]}."
+    made = Geometry.model_validate({"schema": 1, **document})
+    assert made.spacing_deg == found["spacing_deg"]
+    assert surface_sentences(None, made)[0] == f"Warning: {found['warnings'][0]}."
     monkeypatch.setattr(geometry, "_from_photos", lambda *_: document)
     views = tuple(each.view for each in ring_or_sphere(40, False))
     monkeypatch.setattr(geometry, "read_views", lambda _: ViewSet(views))

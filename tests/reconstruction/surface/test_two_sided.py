@@ -10,6 +10,7 @@ import pytest
 import ibrpipe
 from ibrpipe.embree import MeshCaster
 from ibrpipe.evaluation.report.surface_words import surface_sentences
+from ibrpipe.io.documents.geometry import Geometry
 from ibrpipe.io.layers import read_layers
 from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import load_view, read_views
@@ -196,6 +197,9 @@ def test_backs_are_counted_in_place(measured) -> None:
 
 
 def test_the_report_tells_of_a_second_side() -> None:
-    told = " ".join(surface_sentences(None, {"two_sided": {"share": 0.613, "thickness": 0.00512}}))
+    facts = {"schema": 1, "decision": "photos", "reason": "depth agrees", "vertices": 3, "faces": 1}
+    one = Geometry.model_validate({**facts, "two_sided": {"share": 0.613, "thickness": 0.00512}})
+    told = " ".join(surface_sentences(None, one))
     assert "61 % of it is a thin wall that photos see from both sides, and has a second side 0.00512 scene" in told
-    assert "second side" not in " ".join(surface_sentences(None, {"two_sided": {"share": 0.0}}))
+    none = Geometry.model_validate({**facts, "two_sided": {"share": 0.0}})
+    assert "second side" not in " ".join(surface_sentences(None, none))

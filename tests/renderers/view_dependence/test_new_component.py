@@ -128,7 +128,8 @@ def test_without_its_module_the_asset_is_refused_in_one_line(tint, tmp_path, mon
 
 
 def test_the_pipeline_fits_it(tint, tmp_path):
-    from ibrpipe.modelling.plan_file import PlannedComponent, TexturePlan, read_plan, write_plan
+    from ibrpipe.io.documents.plan import PlannedComponent
+    from ibrpipe.modelling.plan_file import TexturePlan, read_plan, write_plan
     from ibrpipe.modelling.rectangles import Rectangle
     from ibrpipe.modelling.view_dependence.residuals_file import read_document
     from ibrpipe.stages import residuals

@@ -11,10 +11,10 @@ from pydantic import Field, ValidationError
 from ibrpipe.errors import FormatError
 from ibrpipe.io.assets import write_component
 from ibrpipe.io.components import Component, find_kind
+from ibrpipe.io.documents.plan import PlannedComponent
 from ibrpipe.io.layers import write_layers
 from ibrpipe.modelling.diffuse_refinement import sample_points
 from ibrpipe.modelling.layers import round_to_display
-from ibrpipe.modelling.plan_file import PlannedComponent
 from ibrpipe.modelling.view_dependence.fitter import FitJob, Fitted
 from ibrpipe.modelling.view_dependence.reflection.choice import choose_tables
 from ibrpipe.modelling.view_dependence.reflection.first_guess import guess, seen_weight

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field, model_validator
 
 from ibrpipe.config import Document
 
@@ -64,6 +65,17 @@ class Spread(Document):
     median: float = Field(description="Median")
 
 
+class Alignment(Document):
+    """Where origin, axes and unit of the world come from; figures of the fit follow, which depend on the source."""
+
+    model_config = ConfigDict(extra="allow")
+
+    source: Literal["given", "markers", "positions", "gps", "own"] = Field(
+        description="What the world was aligned to; own = nothing, it is from the photos alone"
+    )
+    how: str = Field(description="How, in words")
+
+
 class Calibration(Document):
     """``calibrate/calibration.json``. All but the first three is left out where nothing was searched."""
 
@@ -77,14 +89,39 @@ class Calibration(Document):
     points: int | None = Field(None, description="Sparse points")
     mean_track_length: float | None = Field(None, description="Photos that see a point, mean")
     reprojection_error_px: Spread | None = Field(None, description="Over all observations, pixels")
-    world: Literal["given", "markers", "positions", "gps", "own"] | None = Field(
-        None, description="Where origin, axes and unit come from; own = from the photos alone"
-    )
     units: str | None = Field(None, description="The unit of length, in words")
-    alignment: dict[str, Any] | None = Field(None, description="How the world was found, and how well it fits")
+    alignment: Alignment | None = Field(None, description="Where the world comes from, and how well it fits")
     lenses: list[CalibratedLens] = Field(default=[], description="All lenses")
     photos: list[CalibratedPhoto] = Field(default=[], description="All photos, the left-out ones included")
     other_models: list[list[str]] = Field(default=[], description="Photos that hang together but not with the rest")
     spacing: PhotoSpacing | None = Field(None, description="How far apart the photos stand; null = too few in common")
     findings: list[CalibrationFinding] = Field(default=[], description="What to know, and what to do")
     peak_memory_bytes: int | None = Field(None, description="Largest resident memory of the child process")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _earlier_form(cls, data: Any) -> Any:
+        """Read `world`, the alignment's source in earlier documents."""
+        if not isinstance(data, dict) or "world" not in data:
+            return data
+        kept = {key: value for key, value in data.items() if key != "world"}
+        return {**kept, "alignment": {"source": data["world"], **(data.get("alignment") or {})}}
+
+    @classmethod
+    def of_folder(cls, folder: Path | None) -> Calibration | None:
+        """Read what the calibrate stage has written to `folder`; None where there is nothing.
+
+        Raises
+        ------
+        FormatError
+            ``calibration.json`` is damaged.
+        """
+        path = None if folder is None else folder / "calibration.json"
+        if path is None or not path.is_file():
+            return None
+        return cls.read(path, "not what the calibrate stage writes", "calibrate")
+
+    @property
+    def in_own_world(self) -> bool:
+        """Whether cameras were found, and nothing ties them to any other world."""
+        return self.decision == "found" and self.alignment is not None and self.alignment.source == "own"

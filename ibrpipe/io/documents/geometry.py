@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import AliasChoices, Field
 
-from ibrpipe.capture.audit_document import AuditedSurface
 from ibrpipe.config import Document, Number, Share
+from ibrpipe.io.documents.audit import AuditedSurface
 
 
 class DepthMapFacts(Document):
@@ -38,7 +38,11 @@ class Geometry(Document):
     )
     warnings: list[str] | None = Field(None, description="What to know, and what to shoot")
     method: Literal["volume", "poisson", "hull"] | None = Field(None, description="How depth became a surface")
-    filled_by_outlines: bool | None = Field(None, description="The masks' outlines stand where no depth is")
+    filled_by_hull: bool | None = Field(
+        None,
+        validation_alias=AliasChoices("filled_by_hull", "filled_by_outlines"),
+        description="The masks' outlines stand where no depth is",
+    )
     measured: dict[str, Number] | None = Field(None, description="The figures behind the choice of the method")
     points: int | None = Field(None, description="Points that depth maps agree on")
     voxel: float | None = Field(None, description="Size of a voxel, scene units")
