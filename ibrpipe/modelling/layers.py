@@ -38,6 +38,12 @@ class LayersConfig(StageConfig):
         description="Depth levels over each texture's depth range; auto: as many as make a step at most a sixteenth of "
         "a texel, 32 keeps float32",
     )
+    fill_gaps: float = Field(
+        4.0,
+        ge=0,
+        description="Samples that no photo sees, so many texels or fewer from seen ones, take the colour of these; "
+        "0 = none",
+    )
     sharpen: int = Field(
         1,
         ge=0,

@@ -17,6 +17,7 @@ class LayersFigures(Document):
     most_layers: int = Field(ge=0, description="Samples of the fullest texel")
     covered_texels: Share = Field(description="Share of the texels with a sample")
     seen_share: Share = Field(description="Share of the samples that a photo sees")
+    filled_share: Share = Field(0.0, description="Share of the samples that took the colour of seen ones beside them")
     depth_range: tuple[float, float] | None = Field(description="Nearest and farthest depth, scene units; null = empty")
     bytes: int = Field(ge=0, description="Size of layers.exr")
 

@@ -15,6 +15,7 @@ from ibrpipe.modelling.diffuse_refinement import sharpen
 from ibrpipe.modelling.layers import STATISTICS, LayersConfig, build_layers, rounded
 from ibrpipe.modelling.layers_document import Layers, LayersFigures
 from ibrpipe.modelling.plan_file import read_plan
+from ibrpipe.modelling.unseen import close_gaps
 from ibrpipe.progress import track
 
 
@@ -49,14 +50,16 @@ def run(inputs: Inputs, config: LayersConfig) -> Outputs:
     caster = MeshCaster(read_mesh(inputs.mesh))
     photos = load_photos(views.train, caster)
     built = [build_layers(which, plans, caster, photos, config) for which in track(range(len(plans)), "layers")]
-    layered, plain = [layers for layers, _ in built], [not plan.components for plan in plans]
-    rectangles, statistic = [plan.rectangle for plan in plans], STATISTICS[config.statistic]
+    plain, rectangles = [not plan.components for plan in plans], [plan.rectangle for plan in plans]
+    layered, filled = close_gaps(rectangles, [layers for layers, _ in built], config.fill_gaps)
+    statistic = STATISTICS[config.statistic]
     sharp, psnr = sharpen(rectangles, layered, plain, caster, photos, config.sharpen, statistic)
     figures = []
     for which, (layers, (_, figure)) in enumerate(zip(sharp, built, strict=True)):
         folder = inputs.out / f"texture_{which:02d}"
         folder.mkdir(parents=True, exist_ok=True)
         write_layers(rounded(layers, config.color_bits), folder / "layers.exr")
+        figure |= {"filled_share": filled[which]}
         figures.append(LayersFigures(**figure, bytes=(folder / "layers.exr").stat().st_size))
     outputs = Outputs.below(inputs.out)
     document = Layers(textures=figures, training_psnr=[round(value, 3) for value in psnr])

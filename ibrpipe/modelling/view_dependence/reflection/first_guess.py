@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ibrpipe.modelling.unseen import fill_colors
 from ibrpipe.modelling.view_dependence.reflection.observations import Observations
 from ibrpipe.renderers.view_dependence.mirror import Surface
 from ibrpipe.types import Array
@@ -47,28 +48,6 @@ def first_colors(observations: Observations, corners: Array, samples: int) -> Ar
         root = np.abs(observations.traits[usable, 6 + channel])
         ordered = root[np.lexsort((root, nearest))]
         out[counts > 0, channel] = ordered[rank[counts > 0]] ** 2
-    return out
-
-
-def fill_colors(color: Array, points: Array, normals: Array, extent: float) -> Array:
-    """Give samples without colour (NaN) that of the nearest samples with one.
-
-    Nearness counts the normal, too: a turn to the opposite side is as far as 0.3 extents, so that the sides of a thin
-    wall do not take each other's colour.
-    """
-    from scipy.spatial import cKDTree
-
-    known = np.isfinite(color[:, 0])
-    if known.all() or not known.any():
-        return np.nan_to_num(color)
-    keys = np.concatenate([points, 0.15 * extent * np.nan_to_num(normals)], axis=1)
-    tree = cKDTree(keys[known])
-    apart, found = tree.query(keys[~known], k=min(4, int(known.sum())))
-    apart, found = apart.reshape(len(apart), -1), found.reshape(len(found), -1)
-    weights = 1.0 / (apart + 1e-9 * extent)
-    weights /= weights.sum(axis=1, keepdims=True)
-    out = color.copy()
-    out[~known] = (weights[:, :, None] * color[known][found]).sum(axis=1)
     return out
 
 

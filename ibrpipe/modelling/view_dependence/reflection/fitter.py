@@ -15,6 +15,7 @@ from ibrpipe.io.documents.plan import PlannedComponent
 from ibrpipe.io.layers import write_layers
 from ibrpipe.modelling.diffuse_refinement import sample_points
 from ibrpipe.modelling.layers import round_to_display
+from ibrpipe.modelling.unseen import observers_of
 from ibrpipe.modelling.view_dependence.fitter import FitJob, Fitted
 from ibrpipe.modelling.view_dependence.reflection.choice import choose_tables
 from ibrpipe.modelling.view_dependence.reflection.first_guess import guess, seen_weight
@@ -40,9 +41,6 @@ class ReflectionPlan(PlannedComponent):
 
     tables: int | None = Field(None, ge=0, le=2, description="Tables of reflected light; absent = chosen by photos")
     size: int = Field(144, ge=8, le=1024, description="Cells along an edge of a table")
-    fill_unseen: bool = Field(
-        False, description="Give samples that no photo shows the colour of their neighbours, rather than none"
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +73,7 @@ class ReflectionFitter:
             found = fit_textures(context, plan.tables, FitRules(size=plan.size))
         finally:
             forget()
-        return _write(job, context.layers, found, plan.fill_unseen)
+        return _write(job, context.layers, found)
 
 
 def _plan(job: FitJob) -> ReflectionPlan:
@@ -116,14 +114,14 @@ def fit_observations(
     return Found(model, seen_weight(seen, surface.corners, len(points)), tuple(psnr))
 
 
-def _write(job: FitJob, layers: Sequence[LayeredDepthImage], found: Found, fill: bool) -> Fitted:
+def _write(job: FitJob, layers: Sequence[LayeredDepthImage], found: Found) -> Fitted:
     """Write new layers of the wanted textures and, where there are tables, their components."""
     light, model = _light(found.model), found.model
     figures, starts = [], np.cumsum([0] + [len(each.depth) for each in layers])
     for which in job.wanted:
         own, folder = slice(starts[which], starts[which + 1]), job.folder(which)
         color = round_to_display(model.texels[own, :3].astype(np.float64) ** 2)
-        observers = np.where(found.weight[own] > KNOWN, np.maximum(_observers(layers[which]), 1), int(fill))
+        observers = np.maximum(observers_of(layers[which]), found.weight[own] > KNOWN).astype(np.int32)
         write_layers(replace(layers[which], color=color, observers=observers), folder / "layers.exr")
         if light is None:
             continue
@@ -154,7 +152,3 @@ def _write_shared(job: FitJob, light: ReflectedLight) -> Component:
 
 def _quality(job: FitJob) -> int:
     return int(getattr(job.config, "quality", 100))
-
-
-def _observers(layers: LayeredDepthImage) -> Array:
-    return np.ones(len(layers.depth), np.int32) if layers.observers is None else layers.observers

@@ -15,7 +15,7 @@ from ibrpipe.modelling.layers import LayersConfig, build_layers
 from ibrpipe.modelling.plan_file import TexturePlan
 from ibrpipe.modelling.rectangles import box_faces
 from ibrpipe.modelling.view_dependence.reflection.choice import choose_tables, held_out_psnr
-from ibrpipe.modelling.view_dependence.reflection.first_guess import fill_colors, first_colors, guess, seen_weight
+from ibrpipe.modelling.view_dependence.reflection.first_guess import first_colors, guess, seen_weight
 from ibrpipe.modelling.view_dependence.reflection.fit import FitRules, fit
 from ibrpipe.modelling.view_dependence.reflection.observations import join, observe_pixels, observe_texels
 from ibrpipe.renderers.scene import prepare
@@ -144,14 +144,3 @@ def test_clipped_photos_do_not_bound_the_light(ball):
     clipped = seen.traits[:, 6:9] < 0
     assert clipped.any()
     np.testing.assert_allclose(seen.traits[:, 6:9][clipped] ** 2, srgb_decode(top), rtol=1e-3)
-
-
-def test_missing_colours_come_from_the_same_side_of_a_thin_wall():
-    points = np.array([[0, 0, 0.0], [0, 0, 0.02], [0.1, 0, 0], [0.1, 0, 0.02], [1, 0, 0]])
-    normals = np.array([[0, 0, -1.0], [0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 0, 1]], np.float32)
-    color = np.array([[1, 0, 0], [0, 1, 0], [np.nan] * 3, [np.nan] * 3, [np.nan] * 3], np.float32)
-    filled = fill_colors(color, points, normals, 1.0)
-    assert filled[2, 0] > filled[2, 1]
-    assert filled[3, 1] > filled[3, 0]
-    np.testing.assert_array_equal(filled[:2], color[:2])
-    assert not fill_colors(np.full((2, 3), np.nan, np.float32), points[:2], normals[:2], 1.0).any()
