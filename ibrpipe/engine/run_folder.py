@@ -11,21 +11,24 @@ from pathlib import Path
 from typing import IO
 
 from ibrpipe.errors import ResourceError
+from ibrpipe.io.own_files import listed_by_manifest, put_in_place, real_folder, recover
 
 
 @contextmanager
 def whole_folder(target: Path) -> Iterator[Path]:
     """Yield an empty folder next to `target` that takes its place when the block ends well, and vanishes otherwise.
 
-    What an earlier process left half-done next to `target` is removed first.
+    What an earlier process left half-done next to `target` is removed first. Files in `target` that its manifest does
+    not list stay. Where `target` is a link, the folder that it leads to is replaced.
     """
+    target = real_folder(target)
     target.parent.mkdir(parents=True, exist_ok=True)
     remove_stale(target)
     partial = target.with_name(f".{target.name}.partial")
     try:
         partial.mkdir()
         yield partial
-        _replace(partial, target)
+        put_in_place(partial, target, listed_by_manifest)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
 
@@ -52,19 +55,8 @@ def kept_folder(target: Path, key: str) -> Path:
 
 def remove_stale(target: Path) -> None:
     """Remove what a killed run left next to `target`, and put an older result back that it had set aside."""
-    aside = target.with_name(f".{target.name}.old")
-    if aside.is_dir() and not target.exists():
-        aside.rename(target)
-    for folder in (aside, target.with_name(f".{target.name}.partial")):
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _replace(partial: Path, target: Path) -> None:
-    aside = target.with_name(f".{target.name}.old")
-    if target.exists():
-        target.rename(aside)
-    partial.rename(target)
-    shutil.rmtree(aside, ignore_errors=True)
+    recover(target, listed_by_manifest)
+    shutil.rmtree(target.with_name(f".{target.name}.partial"), ignore_errors=True)
 
 
 @contextmanager

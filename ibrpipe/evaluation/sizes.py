@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ibrpipe.io.assets import bytes_by_kind, read_index
+from ibrpipe.io.assets import bytes_by_kind, listed_files, read_index
 from ibrpipe.io.manifest import NAME, read_manifest
 from ibrpipe.io.views import View
 
@@ -13,10 +13,10 @@ from ibrpipe.io.views import View
 def bytes_of(asset: Path, photos: Sequence[View], mesh: Path) -> dict[str, int]:
     """Return the sizes of the asset, its parts, and what it was made from.
 
-    Keys: ``asset`` (all of its files), ``layers``, ``residuals`` (view dependence of all kinds) and ``asset_other``
+    Keys: ``asset`` (all of its own files), ``layers``, ``residuals`` (view dependence of all kinds) and ``asset_other``
     (its parts), ``photos`` (the training photos' files as they came), ``masks``, ``mesh``.
     """
-    whole = _total(path for path in asset.rglob("*") if path.name != NAME)
+    whole = _total(asset / name for name in listed_files(asset) if name != NAME)
     layers = _total(asset / texture.layers for texture in read_index(asset).textures)
     residuals = sum(view_dependence_bytes(asset).values())
     return {

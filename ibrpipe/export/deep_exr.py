@@ -7,14 +7,15 @@ from pathlib import Path
 
 from ibrpipe.errors import ConfigError, ResourceError
 from ibrpipe.export.registry import Exporter
-from ibrpipe.io.assets import INDEX, read_asset, read_index
+from ibrpipe.io.assets import INDEX, listed_files, read_asset, read_index
+from ibrpipe.io.own_files import put_in_place, recover
 from ibrpipe.io.recoding import finish, recode
 
 
 def write(source: Path, target: Path) -> None:
     """Write the asset in folder `source` into the folder `target` with its layers as deep OpenEXR.
 
-    What an earlier export left there is replaced.
+    What an earlier export left there is replaced; other files in it stay.
 
     Raises
     ------
@@ -32,13 +33,12 @@ def write(source: Path, target: Path) -> None:
     index, asset = read_index(source), read_asset(source)
     draft = target.with_name(f".{target.name}.partial")
     try:
+        recover(target, listed_files)
         shutil.rmtree(draft, ignore_errors=True)
         draft.mkdir(parents=True)
         fresh = recode(source, index, asset, draft, None, None)
         finish(fresh, draft, [texture.measured.get("coding") for texture in index.textures])
-        if target.exists():
-            shutil.rmtree(target)
-        draft.rename(target)
+        put_in_place(draft, target, listed_files)
     except OSError as error:
         if isinstance(error, ResourceError):
             raise

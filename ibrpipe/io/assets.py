@@ -15,11 +15,12 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from ibrpipe.config import Document
-from ibrpipe.errors import ConfigError, FormatError, MissingFileError, ResourceError, ValueRangeError
+from ibrpipe.errors import ConfigError, FormatError, IbrError, MissingFileError, ResourceError, ValueRangeError
 from ibrpipe.io.components import Component, ComponentFiles, find_kind
 from ibrpipe.io.layer_pictures import NAME as PICTURES
 from ibrpipe.io.layer_pictures import Coding, read_layer_pictures, write_layer_pictures
 from ibrpipe.io.layers import read_layers, write_layers
+from ibrpipe.io.own_files import listed_by_manifest, put_in_place, real_folder, recover
 from ibrpipe.types import Asset, LayeredDepthImage, Texture, ViewDependence
 from ibrpipe.types.view_dependence import SharedData
 from ibrpipe.version import VERSION
@@ -71,7 +72,7 @@ class AssetIndex(Document):
 
 
 def write_asset(asset: Asset, path: str | Path, quality: int = 100, coding: Coding | None = None) -> None:
-    """Write an asset folder; an existing asset there is replaced once the new one is complete.
+    """Write an asset folder; an existing asset there is replaced once the new one is complete, other files in it stay.
 
     Parameters
     ----------
@@ -86,11 +87,14 @@ def write_asset(asset: Asset, path: str | Path, quality: int = 100, coding: Codi
     Raises
     ------
     ResourceError
-        The folder cannot be written.
+        The folder cannot be written, or holds something that is no asset.
     """
-    folder = Path(path)
+    folder = real_folder(Path(path))
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / INDEX).is_file():
+        raise ResourceError(f"{folder}: holds files but no asset; name another folder, or empty it")
     draft = folder.with_name(f".{folder.name}.partial")
     try:
+        recover(folder, listed_files)
         shutil.rmtree(draft, ignore_errors=True)
         named = dict(enumerate(asset.info.get("textures", [])))
         entries = [
@@ -101,9 +105,7 @@ def write_asset(asset: Asset, path: str | Path, quality: int = 100, coding: Codi
         own = ("textures", "shared", "schema_version")
         known = {key: value for key, value in asset.info.items() if key not in own}
         write_index(AssetIndex(schema_version=schema_of(entries), textures=entries, shared=shared, **known), draft)
-        if folder.exists():
-            shutil.rmtree(folder)
-        draft.rename(folder)
+        put_in_place(draft, folder, listed_files)
     except OSError as error:
         if isinstance(error, ResourceError):
             raise
@@ -214,10 +216,23 @@ def read_index(path: str | Path) -> AssetIndex:
         raise FormatError(f"{file}: {where}: {first['msg']}; copy the asset again") from error
 
 
+def files_of(index: AssetIndex) -> list[str]:
+    """Return the paths of all files that an index names, below the asset folder."""
+    parts = [*(part for texture in index.textures for part in texture.components), *index.shared]
+    return [*(texture.layers for texture in index.textures), *(name for part in parts for name in part.paths)]
+
+
+def listed_files(folder: Path) -> set[str]:
+    """Return the files in an asset folder that its index, or the manifest of the stage that made it, lists."""
+    try:
+        return {INDEX, *files_of(read_index(folder)), *listed_by_manifest(folder)}
+    except IbrError:
+        return listed_by_manifest(folder)
+
+
 def _inside(index: AssetIndex, file: Path) -> AssetIndex:
     """Return the index; a name that leads out of the asset's folder is an error."""
-    parts = [*(part for texture in index.textures for part in texture.components), *index.shared]
-    for name in [*(texture.layers for texture in index.textures), *(name for part in parts for name in part.paths)]:
+    for name in files_of(index):
         if PureWindowsPath(name).drive or PureWindowsPath(name).root or ".." in PureWindowsPath(name).parts:
             raise FormatError(f"{file}: {name!r} leads out of the asset; copy the asset again")
     return index

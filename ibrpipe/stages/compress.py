@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -15,7 +14,7 @@ from pydantic import Field, model_validator
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.evaluation.photo_fit import PhotoFit
-from ibrpipe.io.assets import INDEX, AssetIndex, read_asset, read_index
+from ibrpipe.io.assets import INDEX, AssetIndex, files_of, read_asset, read_index
 from ibrpipe.io.manifest import files_below
 from ibrpipe.io.recoding import finish, losses, recode, texture_bytes
 from ibrpipe.io.views import View, read_views
@@ -96,9 +95,10 @@ class _Coder:
     trials: list[Trial] = field(default_factory=list)
 
     def coded(self, step: CodingStep) -> tuple[AssetIndex, Asset]:
-        """Write the asset into `out`, where nothing else remains, and read it."""
-        for path in self.out.iterdir():
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        """Write the asset into `out`, where no other one remains, and read it."""
+        if (self.out / INDEX).is_file():
+            for name in files_of(read_index(self.out)):
+                (self.out / name).unlink(missing_ok=True)
         index = recode(self.source, self.index, self.asset, self.out, step.layers, step.components)
         finish(index, self.out, [{}] * len(index.textures))
         return index, read_asset(self.out)

@@ -20,7 +20,7 @@ from ibrpipe.engine.run_folder import only_run, whole_folder
 from ibrpipe.engine.runner import Event, Run, run_pipeline
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import CaptureError, ConfigError, MissingFileError, ResourceError
-from ibrpipe.io.manifest import Hasher, read_manifest
+from ibrpipe.io.manifest import Hasher, Manifest, read_manifest, write_manifest
 
 
 class ReadConfig(StageConfig):
@@ -316,6 +316,73 @@ def test_foreign_folder_is_not_overwritten(tmp_path: Path, capture: Path) -> Non
     with pytest.raises(ResourceError, match="did not write"):
         go(tmp_path / "out", capture)
     assert (tmp_path / "out/ingest/thesis.txt").read_text() == "three years of work"
+
+
+def test_files_of_others_in_a_stage_folder_stay(tmp_path: Path, capture: Path) -> None:
+    go(tmp_path / "out", capture)
+    folder = tmp_path / "out/plan"
+    (folder / "mine").mkdir()
+    (folder / "mine/notes.txt").write_text("three years of work")
+    (folder / "away").symlink_to(capture)
+    changed = pipeline(plan=ShoutConfig(times=3))
+    go(tmp_path / "out", loaded=changed)
+    assert (folder / "plan.json").read_text().startswith("RELIEF!!!")
+    assert (folder / "mine/notes.txt").read_text() == "three years of work"
+    assert (folder / "away").is_symlink()
+    assert (capture / "words.txt").is_file()
+    assert sorted(read_manifest(folder).files) == ["half.txt", "plan.json"]
+    go(tmp_path / "out", loaded=changed)
+    assert CALLS == []
+    (folder / "mine/notes.txt").unlink()
+    go(tmp_path / "out", loaded=changed)
+    assert CALLS == []  # they are no output that could be lost
+
+
+def test_a_file_of_others_with_the_name_of_a_new_one_stays_beside_it(tmp_path: Path) -> None:
+    target = tmp_path / "a"
+    with whole_folder(target) as folder:
+        write_manifest(folder, ours({}))
+    (target / "plan.json").write_text("mine")
+    for _ in range(2):
+        with whole_folder(target) as folder:
+            (folder / "plan.json").write_text("new")
+            write_manifest(folder, ours({"plan.json": 3}))
+    assert {path.name: path.read_text() for path in target.glob("plan*")} == {
+        "plan.json": "new",
+        "plan.json.kept": "mine",
+    }
+
+
+def test_files_of_others_outlive_a_kill_between_two_renames(tmp_path: Path) -> None:
+    for name, files in ((".a.old", {"old.txt": "old", "mine.txt": "mine"}), ("a", {"new.txt": "new"})):
+        (tmp_path / name).mkdir()
+        for file, text in files.items():
+            (tmp_path / name / file).write_text(text)
+    write_manifest(tmp_path / ".a.old", ours({"old.txt": 3}))
+    write_manifest(tmp_path / "a", ours({"new.txt": 3}))
+    with pytest.raises(ZeroDivisionError), whole_folder(tmp_path / "a"):
+        1 / 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a"]
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["manifest.json", "mine.txt", "new.txt"]
+
+
+def test_a_stage_folder_that_is_a_link_works_every_time(tmp_path: Path, capture: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/plan").symlink_to(tmp_path / "elsewhere")
+    for times in (1, 2, 3):
+        go(tmp_path / "out", capture, pipeline(plan=ShoutConfig(times=times)))
+        assert "plan" in CALLS
+        assert (tmp_path / "out/plan").is_symlink()
+        assert (tmp_path / "elsewhere/plan.json").read_text().startswith("RELIEF" + "!" * times + " ")
+    assert not list(tmp_path.glob(".*"))
+
+
+def ours(files: dict[str, int]) -> Manifest:
+    return Manifest(
+        stage="plan", key="", config={}, inputs={}, upstream={}, code="", versions={}, files=files, seconds=0.0,
+        peak_memory_bytes=None,
+    )  # fmt: skip
 
 
 def test_two_runs_in_one_folder(tmp_path: Path, capture: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from ibrpipe.evaluation.sizes import bytes_of, view_dependence_bytes
 from ibrpipe.io.assets import AssetIndex, TextureEntry, write_index
 from ibrpipe.io.components import Component
+from ibrpipe.io.manifest import Manifest, write_manifest
 
 
 def made(folder: Path) -> Path:
@@ -29,7 +30,14 @@ def made(folder: Path) -> Path:
         TextureEntry(name="-x", layers="t1/layers.exr", components=[tint]),
     ]
     write_index(AssetIndex(textures=textures, shared=[Component(kind="tint", file="book")]), folder)
-    (folder / "manifest.json").write_bytes(bytes(1000))
+    write_manifest(
+        folder,
+        Manifest(
+            stage="compress", key="", config={}, inputs={}, upstream={}, code="", versions={}, files=sizes, seconds=0.0,
+            peak_memory_bytes=None,
+        ),
+    )  # fmt: skip
+    (folder / "film of a holiday.mp4").write_bytes(bytes(5000))  # not ours: it counts nowhere
     return folder
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from ibrpipe.core.spiral import directions
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
-from ibrpipe.io.assets import read_asset, read_index, write_asset
+from ibrpipe.io.assets import listed_files, read_asset, read_index, write_asset
 from ibrpipe.io.layer_pictures import LOSSLESS, Coding
 from ibrpipe.types import Asset, LayeredDepthImage, ParallelFrame, SpiralResiduals, SpiralTexture
 
@@ -87,6 +87,25 @@ def test_writing_replaces_the_old_asset_whole(folder):
     assert len(read_asset(folder).textures) == 1
     assert not (folder / "texture_01").exists()
     assert [p.name for p in folder.parent.iterdir()] == ["asset"]
+
+
+def test_files_of_others_in_an_asset_folder_stay(folder, tmp_path):
+    (folder / "notes.txt").write_text("mine")
+    (folder / "texture_01/mine.txt").write_text("mine")
+    before = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    write_asset(Asset((texture(residuals=False),)), folder)
+    after = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    assert after - {"asset.json", "texture_00/layers.exr"} == {"notes.txt", "texture_01/mine.txt"}
+    assert len(before) > len(after)
+    assert len(read_asset(folder).textures) == 1
+    assert listed_files(folder) == {"asset.json", "texture_00/layers.exr"}
+
+
+def test_a_folder_of_something_else_is_not_overwritten(tmp_path):
+    (tmp_path / "thesis.txt").write_text("three years of work")
+    with pytest.raises(ResourceError, match="holds files but no asset"):
+        write_asset(Asset((texture(residuals=False),)), tmp_path)
+    assert (tmp_path / "thesis.txt").is_file()
 
 
 def test_the_same_asset_gives_the_same_bytes(folder, tmp_path):
