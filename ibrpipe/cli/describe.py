@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ibrpipe.engine.artifacts import products
 from ibrpipe.errors import FormatError, MissingFileError
-from ibrpipe.io.manifest import RUN_NAME, files_below, read_manifest
+from ibrpipe.io.manifest import RUN_NAME, Manifest, files_below, read_manifest
 from ibrpipe.stages.registry import load_stages
 
 if TYPE_CHECKING:
@@ -38,6 +38,11 @@ def describe(path: Path) -> Facts:
         return _run(path)
     if (path / "views.json").is_file():
         return _views(path / "views.json")
+    own = read_manifest(path)
+    if own is not None and own.stage != "synth":
+        return {"kind": "stage", "path": str(path), "stage": own.stage, **_cost(own)}
+    if any(read_manifest(path / stage.folder) for stage in load_stages()):
+        return _run(path)
     return _capture(path)
 
 
@@ -113,23 +118,28 @@ def _sizes(views: Sequence[Any]) -> list[str]:
 
 
 def _run(path: Path) -> Facts:
-    facts: Facts = {"kind": "run", "path": str(path), **read_object(path / RUN_NAME)}
+    known = read_object(path / RUN_NAME) if (path / RUN_NAME).is_file() else {}  # single stages write none
+    facts: Facts = {"kind": "run", "path": str(path), **known}
     facts.pop("settings", None)
     facts["stages"] = {}
     stages = load_stages()
     for stage in stages:
         manifest = read_manifest(path / stage.folder)
         if manifest is not None:
-            facts["stages"][stage.name] = {
-                "seconds": manifest.seconds,
-                "peak_memory_bytes": manifest.peak_memory_bytes,
-                "bytes": sum(manifest.files.values()),
-            }
+            facts["stages"][stage.name] = _cost(manifest)
     metrics = path / products(stages)["metrics"].path
     if metrics.is_file():
         content = read_object(metrics)
         facts |= {name: content[name] for name in ("renderers", "baselines", "bytes")}
     return facts
+
+
+def _cost(manifest: Manifest) -> Facts:
+    return {
+        "seconds": manifest.seconds,
+        "peak_memory_bytes": manifest.peak_memory_bytes,
+        "bytes": sum(manifest.files.values()),
+    }
 
 
 def _asset(path: Path) -> Facts:

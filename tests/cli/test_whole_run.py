@@ -166,3 +166,13 @@ def test_inspect_reads_all_of_it(finished: Path, tiny_glossy: Path) -> None:
         assert plain.exit_code == 0, plain.output
         figures = CliRunner().invoke(cli, ["inspect", str(path), "--json"])
         assert json.loads(figures.stdout)["kind"] in ("capture", "run", "asset", "views")
+
+
+def test_inspect_reads_a_run_of_one_stage_and_the_folder_of_a_stage(finished: Path, tmp_path: Path) -> None:
+    shutil.copytree(finished / "plan", tmp_path / "plan")
+    for path, kind in ((tmp_path, "run"), (tmp_path / "plan", "stage"), (finished / "layers", "stage")):
+        result = CliRunner().invoke(cli, ["inspect", str(path), "--json"])
+        assert result.exit_code == 0, result.output
+        facts = json.loads(result.stdout)
+        assert facts["kind"] == kind
+        assert (facts["stages"]["plan"] if kind == "run" else facts)["bytes"] > 0

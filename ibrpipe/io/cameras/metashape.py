@@ -96,6 +96,11 @@ def read_metashape(path: Path, images: Path) -> CameraSet:
         text = f"{path.name}: holds {len(chunks)} chunks; only that of most aligned cameras"
         warnings.append(f"{text}, {chunk.get('label') or 'without a label'}, is read")
     notes = (f"{path.name}: {placed} cameras of a rig are placed by their sensor's offset from the master",)
+    if placed and abs(worlds.scale - 1.0) > 1e-3:
+        text = f"its offset is taken in the chunk's own units, of which one is {worlds.scale:.4g} local units"
+        warnings.append(
+            f"{notes[0]}; {text}: if masks or mesh do not fit those cameras, export each with its transform"
+        )
     shots.sort(key=lambda shot: shot.file)
     return CameraSet(tuple(shots), notes=notes if placed else (), warnings=tuple(warnings))
 
@@ -178,6 +183,11 @@ class _Worlds:
         self._main = active if active in used else max(used, key=lambda key: used[key], default=None)
         known = [self._own.get(active), *self._own.values(), (1.0, np.eye(3), np.zeros(3))]
         self._others = self._chunk or next(each for each in known if each is not None)
+
+    @property
+    def scale(self) -> float:
+        """Local units in one unit of the chunk or its main component."""
+        return float((self._own.get(self._main) or self._others)[0])
 
     def of(self, camera: ElementTree.Element) -> _Similarity | None:
         """Return where a camera's component lies; None = not known, though others are."""

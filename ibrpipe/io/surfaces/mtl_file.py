@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +27,9 @@ _OPTIONS = {
     "-type": 1,
     "-colorspace": 1,
 }
-_WORDS = ("on", "off")
+#: Options that change a map's values, and what they are when they do not
+_NEUTRAL = {"-mm": [0.0, 1.0], "-bm": [1.0]}
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -114,7 +117,7 @@ def _is_map(key: str) -> bool:
 
 def _map(text: str, files: PhotoFolder, source: tuple[Path, Path], key: str, strict: bool) -> Map | None:
     """Read options and the name of a map; the name is the rest, blanks and all."""
-    words, numbers = text.split(" "), {"-s": [1.0, 1.0], "-o": [0.0, 0.0]}
+    words, numbers = text.split(" "), {"-s": [1.0, 1.0], "-o": [0.0, 0.0], **{key: [*v] for key, v in _NEUTRAL.items()}}
     at = 0
     while at < len(words) and words[at].lower() in _OPTIONS:
         option, at = words[at].lower(), at + 1
@@ -122,15 +125,26 @@ def _map(text: str, files: PhotoFolder, source: tuple[Path, Path], key: str, str
             value = _number(words[at]) if at < len(words) else None
             if value is None and (place or _OPTIONS[option] > 1):
                 break
-            if option in numbers and place < 2 and value is not None:
+            if option in numbers and place < len(numbers[option]) and value is not None:
                 numbers[option][place] = value
             at += 1
     name = " ".join(words[at:]).strip().strip('"')
     if not name:
         raise FormatError(f"{source[0]}: {key} names no file ({text}); correct the line")
     scale, offset = numbers["-s"], numbers["-o"]
+    _tell_unused(f"{source[0]}: {key} {name}", numbers)
     file = _find(files, name, source[1], "map", f" ({key} in {source[0].name})", strict)
     return None if file is None else Map(file, (scale[0], scale[1]), (offset[0], offset[1]))
+
+
+def _tell_unused(where: str, numbers: Mapping[str, list[float]]) -> None:
+    """Tell of options that would change the values of a map, which are left as the file has them."""
+    for option, neutral in _NEUTRAL.items():
+        if numbers[option] != neutral:
+            given = " ".join(f"{value:g}" for value in numbers[option])
+            _log.warning(
+                "%s: %s %s is not applied, values stay as they are: apply it to the picture", where, option, given
+            )
 
 
 def _number(word: str) -> float | None:

@@ -294,6 +294,13 @@ def test_cameras_of_a_rig_are_placed_by_their_master(capture: Path, tmp_path: Pa
     text = told(capture, tmp_path)
     assert "1 cameras of a rig are placed by their sensor's offset from the master" in text
     assert "1 of 14 cameras of a rig have a sensor without an offset from the master and are left out" in text
+    assert "units" not in text
+    scaled = "<transform><scale>0.5</scale></transform>"
+    metashape(capture, sensor() + sensor(1, offset), scaled, **{"_1": slaves["_1"]})
+    found = {view.name: view.camera for view in read_capture(capture).train + read_capture(capture).test}
+    wanted = 0.5 * (matrices[0] @ relative)[:3, 3]
+    assert np.abs(found["001"].center - wanted).max() < 1e-9
+    assert "taken in the chunk's own units, of which one is 0.5 local units" in told(capture, tmp_path)
 
 
 def test_cameras_that_are_not_aligned_or_switched_off_are_counted(capture: Path, tmp_path: Path) -> None:

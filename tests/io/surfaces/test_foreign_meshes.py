@@ -245,6 +245,17 @@ def test_maps_are_found_as_programs_name_them(tmp_path, line):
     assert found.uv.max() == 1
 
 
+def test_options_that_change_values_are_told_where_they_would(tmp_path, caplog):
+    read_textured(obj(tmp_path, "map_Kd -mm 0.1 0.8 plain.png\nbump -bm 1 plain.png"))
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{tmp_path / 'm.mtl'}: map_Kd plain.png: -mm 0.1 0.8 is not applied, values stay as they are: apply it to the "
+        "picture"
+    ]
+    caplog.clear()
+    read_textured(obj(tmp_path, "map_Kd -mm 0 1 plain.png\nbump -bm 0.5 plain.png"))
+    assert ["-bm 0.5 is not applied" in record.getMessage() for record in caplog.records] == [True]
+
+
 def test_names_of_material_files_may_have_blanks_and_other_case(tmp_path):
     assert read_textured(obj(tmp_path, LINES[0], "my mat.mtl")).color.shape == (1, 2, 3)
     assert read_textured(obj(tmp_path, LINES[0], "m.mtl", "M.MTL")).color.shape == (1, 2, 3)
