@@ -26,9 +26,9 @@ from ibrpipe.io.points import read_points
 from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
 from ibrpipe.io.views import View, ViewSet, load_view, read_views
 from ibrpipe.progress import Part, Step, whole
-from ibrpipe.reconstruction.depth import DepthConfig, estimate_depths
-from ibrpipe.reconstruction.depth.cost_model import depth_parts, megapixels
+from ibrpipe.reconstruction.depth import DepthConfig, depth_parts, estimate_depths
 from ibrpipe.reconstruction.depth.given import given_maps, lacking
+from ibrpipe.reconstruction.depth.schedule import megapixels
 from ibrpipe.reconstruction.depth.spacing import spacing_of, warning
 from ibrpipe.reconstruction.surface.build import build_surface, surface_parts
 from ibrpipe.reconstruction.surface.settings import SurfaceConfig

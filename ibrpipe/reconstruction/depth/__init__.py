@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +13,42 @@ from ibrpipe.errors import CaptureError
 from ibrpipe.io.dense import DepthMap, read_map, write_workspace
 from ibrpipe.io.points import SparsePoints
 from ibrpipe.io.views import View
-from ibrpipe.progress import track
+from ibrpipe.progress import Part, Step
 from ibrpipe.reconstruction.depth.consistency import keep_agreed
-from ibrpipe.reconstruction.depth.cost_model import AGREEMENT, PAIRS, label_of, rounds_of
 from ibrpipe.reconstruction.depth.image_pyramid import forget_pictures
 from ibrpipe.reconstruction.depth.job import Job
 from ibrpipe.reconstruction.depth.patchmatch import run_pass
+from ibrpipe.reconstruction.depth.schedule import Pass, megapixels, rounds_of
 from ibrpipe.reconstruction.depth.semi_global import run_pairs
 from ibrpipe.reconstruction.depth.settings import DepthConfig
 from ibrpipe.reconstruction.depth.spacing import angles_between
 from ibrpipe.reconstruction.depth.view_selection import select_views
 
-__all__ = ["DepthConfig", "estimate_depths"]
+__all__ = ["DepthConfig", "depth_parts", "estimate_depths"]
+
+#: what a sweep by the photos alone costs, a sweep by the neighbours' depth too, reading and preparing, and a pair of
+#: photos: as a step's cost, for a million pixels of maps
+SWEEP, CONSISTENT, PREPARE, PAIR = 1.75, 2.3, 0.3, 0.1
+AGREEMENT = Step("depth maps", 0.3)
+
+
+def depth_parts(views: Sequence[View], config: DepthConfig) -> list[Part]:
+    """Return the loops of the estimation, with what they cost."""
+    agreement = AGREEMENT.part(megapixels(views, config.max_size, 1))
+    if config.method == "sgbm":
+        return [_pairs(config).part(megapixels(views, config.max_size, 1)), agreement]
+    rounds = rounds_of([view.camera for view in views], config)
+    parts = [_round(each, rounds).part(megapixels(views, config.max_size, each.shrink)) for each in rounds]
+    return [*parts, agreement]
+
+
+def _round(order: Pass, rounds: Sequence[Pass]) -> Step:
+    sweep = CONSISTENT if order.consistent else SWEEP
+    return Step(f"depth {order.number + 1}/{len(rounds)}", PREPARE + order.sweeps * sweep)
+
+
+def _pairs(config: DepthConfig) -> Step:
+    return Step("depth by pairs", PREPARE + PAIR * config.pairs)
 
 
 def estimate_depths(
@@ -78,12 +103,12 @@ def estimate_depths(
 
 def _by_planes(job: Job) -> list[float]:
     """Run all rounds over all views, then write what is kept; return the seconds of each view."""
-    rounds = rounds_of(job.views, job.config)
+    rounds = rounds_of([view.camera for view in job.views], job.config)
     seconds = [0.0] * len(job.views)
     first = 1 + max((order.number for order in rounds if job.whole(order.number)), default=-1)
     for order in rounds[first:]:
-        for i, spent in enumerate(_everywhere(run_pass, job, label_of(order, rounds), order)):
-            seconds[i] += spent
+        for i, work in enumerate(_round(order, rounds).track(_submitted(run_pass, job, order))):
+            seconds[i] += work.result()
         if order.number > 0:
             shutil.rmtree(job.state_file(order.number - 1, 0).parent, ignore_errors=True)
     return _agreed(job, seconds, rounds[-1].number)
@@ -91,7 +116,7 @@ def _by_planes(job: Job) -> list[float]:
 
 def _by_pairs(job: Job) -> list[float]:
     """Match all views by rectified pairs, then write what is kept; return the seconds of each view."""
-    seconds = _everywhere(run_pairs, job, PAIRS)
+    seconds = [work.result() for work in _pairs(job.config).track(_submitted(run_pairs, job))]
     if not any((job.planes(0, which, 1) > 0).any() for which in range(len(job.views))):
         raise CaptureError(
             "no photo can be rectified with a neighbour, or none of the pairs match: the camera moved along its "
@@ -101,12 +126,11 @@ def _by_pairs(job: Job) -> list[float]:
 
 
 def _agreed(job: Job, seconds: list[float], number: int) -> list[float]:
-    after = _everywhere(keep_agreed, job, AGREEMENT, number)
+    after = [work.result() for work in AGREEMENT.track(_submitted(keep_agreed, job, number))]
     forget_pictures()
     return [one + other for one, other in zip(seconds, after, strict=True)]
 
 
-def _everywhere(unit: Callable[..., float], job: Job, label: str, *extra: Any) -> list[float]:
+def _submitted(unit: Callable[..., float], job: Job, *extra: Any) -> list[Future[float]]:
     pool = current_executor()
-    pending = [pool.submit(unit, job, i, *extra) for i in range(len(job.views))]
-    return [work.result() for work in track(pending, label)]
+    return [pool.submit(unit, job, i, *extra) for i in range(len(job.views))]

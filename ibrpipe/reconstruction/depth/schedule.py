@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ibrpipe.io.views import View
 from ibrpipe.reconstruction.depth.settings import DepthConfig
 from ibrpipe.types import Array, Camera
 
@@ -60,6 +62,17 @@ def passes(longest: int, config: DepthConfig) -> tuple[Pass, ...]:
         for k in range(2):
             found.append(Pass(len(found), shrink, config.consistency > 0, 1, 20 + 5 * k, 0.7 * 0.6**k))
     return tuple(found)
+
+
+def rounds_of(cameras: Sequence[Camera], config: DepthConfig) -> tuple[Pass, ...]:
+    """Rounds over the views of `cameras`."""
+    return passes(max(max(map_size(camera, config.max_size)) for camera in cameras), config)
+
+
+def megapixels(views: Sequence[View], max_size: int, shrink: int) -> float:
+    """Millions of pixels of all views' depth maps, made `shrink` times smaller."""
+    sizes = (shrunk_size(*map_size(view.camera, max_size), shrink) for view in views)
+    return sum(width * height for width, height in sizes) / 1e6
 
 
 def enlarged(state: Array, valid: Array) -> Array:
