@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import ConfigError, MissingFileError, ValueRangeError
+from ibrpipe.io.assets import BACKGROUND
 from ibrpipe.io.views import ViewSet
 from ibrpipe.types import Array, Asset, Camera, LayeredDepthImage
 
@@ -236,8 +237,14 @@ def camera_path(text: str, asset: Asset, views: ViewSet) -> CameraPath:
 
 
 def asset_bounds(asset: Asset) -> tuple[Array, Array]:
-    """Return the lowest and highest corner (3,) of all samples of an asset, world."""
-    points = [_sample_positions(texture.layers) for texture in asset.textures]
+    """Return the lowest and highest corner (3,) of all samples of an asset, world; a background does not count."""
+    entries = asset.info.get("textures") or [{}] * len(asset.textures)
+    placed = [
+        texture
+        for texture, entry in zip(asset.textures, entries, strict=True)
+        if not str(entry.get("name", "")).startswith(BACKGROUND)
+    ]
+    points = [_sample_positions(texture.layers) for texture in placed]
     points = [each for each in points if len(each)]
     if not points:
         raise ValueRangeError("the asset holds no sample, so there is nothing to look at; make it anew")

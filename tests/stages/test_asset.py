@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ import pytest
 import ibrpipe
 from ibrpipe.engine.artifacts import needs
 from ibrpipe.errors import IbrError
-from ibrpipe.io.assets import read_asset, read_index
+from ibrpipe.io.assets import listed_files, read_asset, read_index
+from ibrpipe.io.paths import asset_bounds
+from ibrpipe.io.views import ViewSet, read_views, write_views
 from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.stages import asset, layers, plan, residuals
 from ibrpipe.stages.registry import load_stages
@@ -86,7 +89,39 @@ def test_a_missing_part_is_named(made, tmp_path, name):
 
 def test_the_stage_is_wired():
     assert asset.STAGE.name == "asset"
-    assert needs(asset.STAGE, load_stages()) == ("ingest", "plan", "layers", "residuals")
+    assert needs(asset.STAGE, load_stages()) == ("ingest", "geometry", "plan", "layers", "residuals")
+
+
+def test_a_background_is_a_texture_behind_the_rest(made, measured, tmp_path):
+    source = measured("glossy").folder
+    views = read_views(source / "views.json")
+    bare = tuple(replace(view, mask=None, mask_from_alpha=False) for view in views.train)
+    write_views(ViewSet(bare, (), views.mesh, views.info), tmp_path / "views.json")
+    inputs = replace(made[1], views=tmp_path / "views.json", out=tmp_path / "asset", mesh=source / "mesh.ply")
+    (tmp_path / "asset").mkdir()
+    asset.run(inputs, asset.AssetConfig(background="plane"))
+    plain, whole = read_asset(made[0] / "asset"), read_asset(tmp_path / "asset")
+    far = [entry.name for entry in read_index(tmp_path / "asset").textures if entry.name.startswith("background")]
+    assert far == [f"background {number + 1}" for number in range(len(whole.textures) - len(plain.textures))]
+    assert "far plane" in (tmp_path / "asset/summary.txt").read_text(encoding="utf-8")
+    camera = views.train[0].camera
+    before, after = ibrpipe.render(plain, camera), ibrpipe.render(whole, camera)
+    assert before.alpha.mean() < 0.7
+    assert after.alpha.mean() > 0.95
+    near = before.alpha >= 0.5
+    np.testing.assert_allclose(after.depth[near], before.depth[near], rtol=1e-5)
+    assert np.array_equal(asset_bounds(whole), asset_bounds(plain))  # orbits stay where they were
+    files = {path.relative_to(tmp_path / "asset").as_posix() for path in (tmp_path / "asset").rglob("*.*")}
+    assert files - listed_files(tmp_path / "asset") == {"summary.txt"}
+
+
+def test_masked_photos_have_no_background_and_that_is_told(made, measured, tmp_path):
+    source = measured("glossy").folder
+    (tmp_path / "asset").mkdir()
+    inputs = replace(made[1], out=tmp_path / "asset", mesh=source / "mesh.ply")
+    asset.run(inputs, asset.AssetConfig(background="plane"))
+    assert len(read_asset(tmp_path / "asset").textures) == len(read_asset(made[0] / "asset").textures)
+    assert "no background: the photos show next to nothing" in (tmp_path / "asset/summary.txt").read_text()
 
 
 def test_components_of_any_kind_are_gathered(made, tmp_path):

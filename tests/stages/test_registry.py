@@ -40,7 +40,7 @@ NEEDS = {
     "plan": ("ingest", "geometry"),
     "layers": ("ingest", "geometry", "plan"),
     "residuals": ("ingest", "geometry", "plan", "layers"),
-    "asset": ("ingest", "plan", "layers", "residuals"),
+    "asset": ("ingest", "geometry", "plan", "layers", "residuals"),
     "compress": ("ingest", "asset"),
     "render": ("ingest", "compress"),
     "evaluate": ("calibrate", "ingest", "geometry", "plan", "compress", "render"),

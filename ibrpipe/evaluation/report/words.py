@@ -179,7 +179,8 @@ def _covered(metrics: MetricsModel, own: Scores, ulr: Scores | None) -> str:
         return ""
     other = second(metrics, own).psnr
     if metrics.headline == "covered":
-        beside = "" if ulr is None else f" (lumigraph {number(second(metrics, ulr).psnr, 2)} dB)"
+        known = None if ulr is None else second(metrics, ulr).psnr
+        beside = "" if known is None else f" (lumigraph {number(known, 2)} dB)"
         whole = f"over the whole, where the rest is black, it reaches {number(other, 2)} dB{beside}"
         return f" It covers {percent(own.coverage)} of the pictures; {whole}."
     inside = "" if other is None else f"; inside what all methods cover it reaches {number(other, 2)} dB"
@@ -195,7 +196,8 @@ def _highlights(metrics: MetricsModel) -> str:
     if gain is None:
         return "No covered pixel of the photos is far from the diffuse colours."
     rest = _difference(mean.psnr_rest, diffuse.psnr_rest)
-    beside = "" if ulr is None else f"; lumigraph {number(ulr.psnr_highlight, 1)} dB"
+    lit = None if ulr is None else ulr.psnr_highlight
+    beside = "" if lit is None else f"; lumigraph {number(lit, 1)} dB"
     return (
         f"Where highlights are ({100 * known.highlight_share:.0f} % of the covered pixels) residuals change the error "
         f"by {signed(gain)} dB ({number(diffuse.psnr_highlight, 1)} to {number(mean.psnr_highlight, 1)} dB{beside})"
