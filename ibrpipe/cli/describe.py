@@ -130,7 +130,9 @@ def _run(path: Path) -> Facts:
     metrics = path / products(stages)["metrics"].path
     if metrics.is_file():
         content = read_object(metrics)
-        facts |= {name: content[name] for name in ("renderers", "baselines", "bytes")}
+        scores = content if content["views"] else content.get("training") or content
+        facts |= {name: scores[name] for name in ("renderers", "baselines")} | {"bytes": content["bytes"]}
+        facts |= {"not_measured": content["not_measured"]} if content.get("not_measured") else {}
     return facts
 
 

@@ -67,7 +67,8 @@ def _records(value: Any) -> dict[str, dict[str, Any]]:
 
 
 def _record_table(name: str, records: dict[str, dict[str, Any]]) -> Table:
-    keys = list(dict.fromkeys(key for record in records.values() for key in record))
+    known = [key for record in records.values() for key, value in record.items() if value is not None]
+    keys = list(dict.fromkeys(known))
     table = Table(title=_words(name), title_justify="left")
     table.add_column("")
     for key in keys:

@@ -25,6 +25,8 @@ from ibrpipe.types import Array, Asset, Camera, LayeredDepthImage
 #: A camera path: file-name stem and camera of every frame, in order
 CameraPath = tuple[tuple[str, Camera], ...]
 
+#: Paths that are views of the capture itself
+OWN_PATHS = ("test", "train", "all")
 _KINDS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "str": str}
 _UPS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 #: An estimated up direction closer to a world axis than this (cosine of 10 degrees) is that axis
@@ -195,7 +197,7 @@ def read_path(path: Path) -> CameraPath:
         shots = read_model(model, path / "images") if model else read_transforms(transforms)[0]
     else:
         raise MissingFileError(
-            f"{path}: there is no such camera path; give test, train, all, orbit, a folder or a file"
+            f"{path}: there is no such camera path; give {', '.join(OWN_PATHS)}, orbit, a folder or a file"
         )
     return tuple(
         (_stem(shot.file), Camera(K, shot.cam_from_world, width, height))

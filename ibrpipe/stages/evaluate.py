@@ -8,7 +8,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numba
-from pydantic import Field
+from pydantic import Field, field_validator
 
 import ibrpipe
 from ibrpipe.capture.photo_set import load_photos
@@ -65,12 +65,20 @@ class EvaluateConfig(StageConfig):
         description="True mesh to measure a reconstructed one against; absent = the capture's own, if withheld, or "
         "truth/mesh.ply in the capture",
     )
+
     surface_thresholds: tuple[float, ...] = Field(
         (0.0025, 0.005, 0.01), description="Distances of the F-scores, shares of the true surface's diagonal"
     )
     surface_samples: int = Field(60_000, ge=1000, le=10_000_000, description="Points on either surface")
     surface_views: int = Field(3, ge=0, le=100, description="Views of a reconstructed surface that the report shows")
     picture_width: int = Field(default=480, ge=32, le=4096, description="Widest picture in the report in pixels")
+
+    @field_validator("truth")
+    @classmethod
+    def _truth_is_there(cls, truth: str | None) -> str | None:
+        if truth is not None and not Path(truth).is_file():  # told before a run has spent minutes
+            raise ValueError("there is no such mesh file")
+        return truth
 
 
 @dataclass(frozen=True)

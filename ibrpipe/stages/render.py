@@ -17,7 +17,7 @@ from ibrpipe.errors import ShapeError
 from ibrpipe.io.assets import read_asset
 from ibrpipe.io.documents.frames import Frames, RenderedFrame
 from ibrpipe.io.frames import frame_entry, write_frame, write_frames
-from ibrpipe.io.paths import CameraPath, camera_path, is_orbit, parse_orbit
+from ibrpipe.io.paths import OWN_PATHS, CameraPath, camera_path, is_orbit, parse_orbit
 from ibrpipe.io.video import write_video
 from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
@@ -61,9 +61,11 @@ class RenderConfig(StageConfig):
 
     @field_validator("path")
     @classmethod
-    def _orbit_is_sound(cls, path: str) -> str:
+    def _path_is_sound(cls, path: str) -> str:
         if is_orbit(path):
             parse_orbit(path)
+        elif path not in OWN_PATHS and not Path(path).exists():  # told before a run has spent minutes
+            raise ValueError(f"there is no such camera path; give {', '.join(OWN_PATHS)}, orbit, a folder or a file")
         return path
 
     @field_validator("renderers")

@@ -63,7 +63,9 @@ def render_page(
         percent=words.percent,
         likeness=lambda scores: words.likeness(metrics, scores),
     )
-    rows = _rows(metrics)
+    known = judged(metrics)
+    depth = any(scores.depth_rmse is not None for scores in known.renderers.values())
+    rows = _rows(metrics, depth)
     template = environment.from_string(
         resources.files("ibrpipe.evaluation.report").joinpath("template.html").read_text(encoding="utf-8")
     )
@@ -74,7 +76,8 @@ def render_page(
         names=NAMES,
         cards=words.cards(metrics),
         verdict=words.verdict(metrics),
-        judged=judged(metrics),
+        judged=known,
+        depth=depth,
         first_psnr=lambda scores: headline(metrics, scores).psnr,
         plot=Markup(speed_error_plot(metrics)) if metrics.views else None,
         rows=rows,
@@ -108,7 +111,7 @@ def _parts(metrics: MetricsModel) -> dict[str, int]:
     return found
 
 
-def _rows(metrics: MetricsModel) -> list[dict[str, Any]]:
+def _rows(metrics: MetricsModel, depth: bool) -> list[dict[str, Any]]:
     """Return the rows of the table of scores."""
     known = judged(metrics)
     everyone = [("renderer", *item) for item in known.renderers.items()]
@@ -118,7 +121,7 @@ def _rows(metrics: MetricsModel) -> list[dict[str, Any]]:
             "kind": kind,
             "name": name,
             "label": NAMES.get(name, name),
-            "cells": words.score_cells(metrics, scores),
+            "cells": words.score_cells(metrics, scores, depth),
             "scored": scores.psnr is not None,
         }
         for kind, name, scores in everyone

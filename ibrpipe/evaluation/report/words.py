@@ -251,8 +251,8 @@ def likeness(metrics: MetricsModel, scores: Scores) -> str:
     return f"{figures} · coverage {percent(scores.coverage)}"
 
 
-def score_cells(metrics: MetricsModel, scores: Scores) -> list[str]:
-    """Return the cells of a row of the table of scores; the headline's figures first."""
+def score_cells(metrics: MetricsModel, scores: Scores, depth: bool = True) -> list[str]:
+    """Return the cells of a row of the table of scores, the headline's figures first; `depth` with those of depth."""
     first, other = headline(metrics, scores), second(metrics, scores)
     return [
         *(number(first.psnr, 2), number(first.ssim, 4), number(first.flip, 4)),
@@ -260,7 +260,7 @@ def score_cells(metrics: MetricsModel, scores: Scores) -> list[str]:
         *(number(other.psnr, 2), number(other.ssim, 4), number(other.flip, 4)),
         number(scores.psnr_highlight, 2),
         number(scores.psnr_rest, 2),
-        NONE if scores.depth_rmse is None else f"{scores.depth_rmse:.2g}",
+        *([NONE if scores.depth_rmse is None else f"{scores.depth_rmse:.2g}"] if depth else []),
         NONE if scores.ms_per_frame is None else f"{scores.ms_per_frame:.4g}",
         NONE if scores.mpix_per_s is None else f"{scores.mpix_per_s:.3g}",
     ]
