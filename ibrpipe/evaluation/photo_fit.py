@@ -19,14 +19,23 @@ class PhotoFit:
         self.views = list(views)
         self._codes = [(to_srgb8(color), mask >= 0.5) for color, mask in map(load_view, self.views)]
 
-    def psnr(self, asset: Asset) -> float | None:
-        """Return the mean PSNR over the photos, dB; None = there is nothing to compare.
+    def each(self, asset: Asset, every: int = 1) -> list[float | None]:
+        """Return the PSNR of every so manieth photo, dB; None = it shows nothing.
 
         Rendered by `ldi`, with view dependence.
         """
         prepared = prepare(asset, "ldi")
-        found = []
-        for view, (codes, mask) in zip(self.views, self._codes, strict=True):
-            value = psnr(codes, to_srgb8(np.asarray(render(prepared, view.camera).color)), mask)
-            found += [] if value is None else [value]
-        return float(np.mean(found)) if found else None
+        return [
+            psnr(codes, to_srgb8(np.asarray(render(prepared, view.camera).color)), mask)
+            for view, (codes, mask) in zip(self.views[::every], self._codes[::every], strict=True)
+        ]
+
+    def psnr(self, asset: Asset, every: int = 1) -> float | None:
+        """Return the mean PSNR over every so manieth photo, dB; None = there is nothing to compare."""
+        return mean_of(self.each(asset, every))
+
+
+def mean_of(values: Sequence[float | None]) -> float | None:
+    """Return the mean of what is known; None = nothing is."""
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None

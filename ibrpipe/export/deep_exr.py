@@ -36,7 +36,7 @@ def write(source: Path, target: Path) -> None:
         recover(target, listed_files)
         shutil.rmtree(draft, ignore_errors=True)
         draft.mkdir(parents=True)
-        fresh = recode(source, index, asset, draft, None, None)
+        fresh = recode(source, index, asset, draft, None)
         finish(fresh, draft, [texture.measured.get("coding") for texture in index.textures])
         put_in_place(draft, target, listed_files)
     except OSError as error:

@@ -16,9 +16,10 @@ from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, Validatio
 
 from ibrpipe.config import Document
 from ibrpipe.errors import ConfigError, FormatError, IbrError, MissingFileError, ResourceError, ValueRangeError
-from ibrpipe.io.components import Component, ComponentFiles, find_kind
+from ibrpipe.io.components import Component, ComponentFiles, SampleFiles, find_kind
 from ibrpipe.io.layer_pictures import NAME as PICTURES
 from ibrpipe.io.layer_pictures import Coding, read_layer_pictures, write_layer_pictures
+from ibrpipe.io.layer_pictures.avif import QUICK
 from ibrpipe.io.layers import read_layers, write_layers
 from ibrpipe.io.own_files import listed_by_manifest, put_in_place, real_folder, recover
 from ibrpipe.types import Asset, LayeredDepthImage, Texture, ViewDependence
@@ -130,12 +131,15 @@ def _write_texture(
         name=before.get("name", folder.name),
         layers=f"{folder.name}/{file.name}",
         coding=coding,
-        components=[write_component(part, folder, quality).below(folder.name) for part in texture.components],
+        components=[
+            write_component(part, folder, quality, None if coding is None else texture.layers).below(folder.name)
+            for part in texture.components
+        ],
         measured=before.get("measured", {}),
     )
 
 
-def write_coded(layers: LayeredDepthImage, folder: Path, coding: Coding | None) -> Path:
+def write_coded(layers: LayeredDepthImage, folder: Path, coding: Coding | None, speed: int = QUICK) -> Path:
     """Write layers into the folder of their texture, compactly or as deep OpenEXR; return the file.
 
     Raises
@@ -146,7 +150,7 @@ def write_coded(layers: LayeredDepthImage, folder: Path, coding: Coding | None) 
     if coding is None:
         write_layers(layers, folder / "layers.exr")
         return folder / "layers.exr"
-    write_layer_pictures(layers, folder / PICTURES, coding)
+    write_layer_pictures(layers, folder / PICTURES, coding, speed)
     return folder / PICTURES
 
 
@@ -161,8 +165,23 @@ def read_coded(entry: TextureEntry, folder: Path) -> LayeredDepthImage:
     return (read_layers if entry.coding is None else read_layer_pictures)(folder / entry.layers)
 
 
-def write_component(component: ViewDependence, folder: Path, quality: int = 100) -> Component:
+def write_component(
+    component: ViewDependence,
+    folder: Path,
+    quality: int = 100,
+    layers: LayeredDepthImage | None = None,
+    speed: int = QUICK,
+) -> Component:
     """Write a component as its kind does; return its entry, with paths that begin at `folder`.
+
+    Parameters
+    ----------
+    quality : int
+        1 to 100; 100 is lossless.
+    layers : LayeredDepthImage, optional
+        Those of its texture: with them a kind that can may store it more compactly.
+    speed : int
+        As `ibrpipe.io.layer_pictures.avif.encode_avif` takes it.
 
     Raises
     ------
@@ -171,7 +190,10 @@ def write_component(component: ViewDependence, folder: Path, quality: int = 100)
     ResourceError
         A file cannot be written.
     """
-    return Component(kind=component.kind, **_files(component.kind).write(component, folder, quality))
+    files = _files(component.kind)
+    if layers is not None and isinstance(files, SampleFiles):
+        return Component(kind=component.kind, **files.write_on(component, layers, folder, quality, speed))
+    return Component(kind=component.kind, **files.write(component, folder, quality))
 
 
 def _write_shared(kind: str, data: SharedData, draft: Path, quality: int) -> Component:
@@ -183,9 +205,9 @@ def _files(kind: str) -> ComponentFiles:
     return files
 
 
-def write_index(index: AssetIndex, folder: Path) -> None:
-    """Write ``asset.json`` into an existing folder."""
-    (folder / INDEX).write_text(index.model_dump_json(indent=1), encoding="utf-8")
+def write_index(index: AssetIndex, folder: Path, indent: int | None = 1) -> None:
+    """Write ``asset.json`` into an existing folder; without indentation it is a quarter smaller."""
+    (folder / INDEX).write_text(index.model_dump_json(indent=indent), encoding="utf-8")
 
 
 def read_index(path: str | Path) -> AssetIndex:
@@ -255,11 +277,14 @@ def read_asset(path: str | Path) -> Asset:
 
 
 def _read_texture(folder: Path, entry: TextureEntry, shared: Mapping[str, SharedData]) -> Texture:
-    components = [
-        _known_files(folder, f"texture {entry.name}", part).read(part, folder, shared.get(part.kind))
-        for part in entry.components
-    ]
+    files = [_known_files(folder, f"texture {entry.name}", part) for part in entry.components]
     layers = read_coded(entry, folder)
+    components = [
+        each.read_on(part, folder, shared.get(part.kind), layers)
+        if isinstance(each, SampleFiles)
+        else each.read(part, folder, shared.get(part.kind))
+        for each, part in zip(files, entry.components, strict=True)
+    ]
     try:
         return Texture(layers, tuple(components))
     except ValueRangeError as error:

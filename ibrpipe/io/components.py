@@ -20,7 +20,7 @@ from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_ser
 
 from ibrpipe.config import Document
 from ibrpipe.errors import ConfigError
-from ibrpipe.types import ViewDependence
+from ibrpipe.types import LayeredDepthImage, ViewDependence
 from ibrpipe.types.view_dependence import SharedData
 
 GROUP = "ibrpipe.components"
@@ -88,6 +88,27 @@ class ComponentFiles(Protocol):
     def read_shared(self, entry: Component, root: Path) -> SharedData:
         """Read what all components of the kind share."""
         raise ConfigError(f"{type(self).__name__} cannot read shared data; give it write_shared and read_shared")
+
+
+@runtime_checkable
+class SampleFiles(ComponentFiles, Protocol):
+    """How a kind is stored whose components hold numbers for every sample of the layers: compactly, beside these."""
+
+    def write_on(
+        self, component: Any, layers: LayeredDepthImage, folder: Path, quality: int, speed: int
+    ) -> Mapping[str, Any]:
+        """Write as `write` does, but as a reader can who has the layers.
+
+        Parameters
+        ----------
+        layers : LayeredDepthImage
+            As a reader will find them: which texels have how many samples is certain, other values may be coarser.
+        speed : int
+            As `ibrpipe.io.layer_pictures.avif.encode_avif` takes it.
+        """
+
+    def read_on(self, entry: Component, root: Path, shared: Any, layers: LayeredDepthImage) -> ViewDependence:
+        """Read what `write_on` or `write` wrote."""
 
 
 @dataclass(frozen=True)

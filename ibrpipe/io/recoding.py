@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +14,20 @@ import numpy as np
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.errors import MissingFileError
 from ibrpipe.io.assets import AssetIndex, TextureEntry, schema_of, write_coded, write_component, write_index
-from ibrpipe.io.components import Component
+from ibrpipe.io.components import Component, ComponentFiles, SampleFiles, find_kind
 from ibrpipe.io.layer_pictures import Coding
+from ibrpipe.io.layer_pictures.avif import THOROUGH
 from ibrpipe.types import Asset, LayeredDepthImage, ViewDependence
 
 
 def recode(
-    source: Path, index: AssetIndex, asset: Asset, out: Path, coding: Coding | None, quality: int | None
+    source: Path,
+    index: AssetIndex,
+    asset: Asset,
+    out: Path,
+    coding: Coding | None,
+    quality_of: Callable[[str], int | None] = lambda kind: None,
+    speed: int = THOROUGH,
 ) -> AssetIndex:
     """Write the asset in folder `source`, which was read as `index` and `asset`, into the folder `out`.
 
@@ -26,38 +35,71 @@ def recode(
     ----------
     coding : Coding or None
         Of the layers; None = deep OpenEXR.
-    quality : int or None
-        1 to 99 for view dependence, which keeps its files where they are no larger; None = it keeps them.
+    quality_of : function
+        Of a kind of view dependence, 1 to 99; None, or where that is no smaller: its files are kept.
+    speed : int
+        As `ibrpipe.io.layer_pictures.avif.encode_avif` takes it.
 
     Returns
     -------
     AssetIndex
         What ``asset.json`` says: as before, with the new files. It is written by `finish`.
     """
-    entries = []
-    for i, (entry, texture) in enumerate(zip(index.textures, asset.textures, strict=True)):
-        folder = out / f"texture_{i:02d}"
+
+    def texture(place: int) -> TextureEntry:
+        entry, own = index.textures[place], asset.textures[place]
+        folder = out / f"texture_{place:02d}"
         folder.mkdir(parents=True, exist_ok=True)
-        file = write_coded(texture.layers, folder, coding)
-        pairs = zip(entry.components, texture.components, strict=True)
-        parts = [_recoded(source, told, part, folder, quality) for told, part in pairs]
-        changed = {"layers": f"{folder.name}/{file.name}", "coding": coding, "components": parts}
-        entries.append(entry.model_copy(update=changed))
+        file = write_coded(own.layers, folder, coding, speed)
+        components = [
+            _recoded(source, told, part, own.layers, folder, quality_of(part.kind), speed)
+            for told, part in zip(entry.components, own.components, strict=True)
+        ]
+        changed = {"layers": f"{folder.name}/{file.name}", "coding": coding, "components": components}
+        return entry.model_copy(update=changed)
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        entries = list(pool.map(texture, range(len(index.textures))))
     for shared in index.shared:
         _copy(source, shared, out)
     return index.model_copy(update={"textures": entries, "schema_version": schema_of(entries)})
 
 
-def _recoded(source: Path, told: Component, part: ViewDependence, folder: Path, quality: int | None) -> Component:
-    """Write a component at a quality if that saves bytes; what refers to shared data stays as it is."""
-    if quality is not None and part.shared is None:
-        fresh = write_component(part, folder, quality).below(folder.name)
+def _recoded(
+    source: Path,
+    told: Component,
+    part: ViewDependence,
+    layers: LayeredDepthImage,
+    folder: Path,
+    quality: int | None,
+    speed: int,
+) -> Component:
+    """Write a component at a quality if that saves bytes; what only refers to shared data stays as it is."""
+    if quality is not None and holds_own(part):
+        fresh = write_component(part, folder, quality, layers, speed).below(folder.name)
         if _bytes(folder.parent, fresh) < _bytes(source, told):
             return fresh
         for path in fresh.paths:
             (folder.parent / path).unlink()
     _copy(source, told, folder.parent)
     return told
+
+
+def holds_own(part: ViewDependence) -> bool:
+    """Say whether a component can be written anew without what it shares with others."""
+    return part.shared is None or isinstance(find_kind(part.kind).part("files", object), SampleFiles)
+
+
+def through_files(
+    part: ViewDependence, layers: LayeredDepthImage, folder: Path, quality: int
+) -> tuple[ViewDependence, int]:
+    """Return a component as it comes back from the (new) `folder` at a quality, and its bytes."""
+    folder.mkdir(parents=True)
+    files, fresh = find_kind(part.kind).part("files", ComponentFiles), write_component(part, folder, quality, layers)
+    size = _bytes(folder, fresh)
+    if isinstance(files, SampleFiles):
+        return files.read_on(fresh, folder, part.shared, layers), size
+    return files.read(fresh, folder, part.shared), size
 
 
 def _copy(source: Path, told: Component, out: Path) -> None:
@@ -88,7 +130,7 @@ def finish(
         for entry, lost in zip(index.textures, losses, strict=True)
     ]
     more = {} if provenance is None else {"compression": provenance}
-    write_index(index.model_copy(update={"textures": textures, "provenance": {**index.provenance, **more}}), out)
+    write_index(index.model_copy(update={"textures": textures, "provenance": {**index.provenance, **more}}), out, None)
 
 
 def losses(before: LayeredDepthImage, after: LayeredDepthImage) -> dict[str, float | None]:

@@ -1,4 +1,4 @@
-"""Shared reflection on disk: tables as WebP pictures of fourth roots of light, weights as bytes in a NumPy archive.
+"""Shared reflection on disk: tables as WebP pictures of fourth roots of light, weights as bytes or as pictures.
 
 A table of 144 x 144 cells takes a few kilobytes. A picture's code c stands for light ``top (c / 255)^4``: fine enough
 for what is mirrored dimly, and bright enough for the sun.
@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import FormatError, IbrError, MissingFileError, ResourceError
-from ibrpipe.io.components import Component, ComponentFiles
-from ibrpipe.types import Array
+from ibrpipe.io.components import Component, SampleFiles
+from ibrpipe.io.reflection_weights import NAME as PICTURE
+from ibrpipe.io.reflection_weights import read_weights, write_weights
+from ibrpipe.types import Array, LayeredDepthImage
 from ibrpipe.types.reflection import MOST_CELLS, MOST_TABLES, ReflectedLight, Reflection
 
 WEIGHTS = "reflection_weights.npz"
@@ -24,7 +26,7 @@ WEIGHTS = "reflection_weights.npz"
 MOST_SAMPLES = 1 << 28
 
 
-class ReflectionFiles(ComponentFiles):
+class ReflectionFiles(SampleFiles):
     """The kind "reflection" in asset folders."""
 
     def write(self, component: Reflection, folder: Path, quality: int) -> Mapping[str, Any]:
@@ -39,12 +41,32 @@ class ReflectionFiles(ComponentFiles):
             raise ResourceError(f"{folder / WEIGHTS}: cannot write: {error.strerror or error}") from error
         return {"file": WEIGHTS, "top": top}
 
+    def write_on(
+        self, component: Reflection, layers: LayeredDepthImage, folder: Path, quality: int, speed: int
+    ) -> Mapping[str, Any]:
+        """Write the weights, where there are some, as a picture of the layers; at quality 100 as bytes."""
+        if component.weights is None or quality >= 100:
+            return self.write(component, folder, quality)
+        tops = write_weights(component.weights, layers, folder / PICTURE, quality, speed)
+        if tops is None:
+            return self.write(component, folder, quality)
+        return {"file": PICTURE, "tops": tops}
+
+    def read_on(self, entry: Component, root: Path, shared: Any, layers: LayeredDepthImage) -> Reflection:
+        """Read a component on its layers, whose tables are read."""
+        if entry.file is None or not entry.file.endswith(".avif"):
+            return self.read(entry, root, shared)
+        light, path = _light(root, shared), root / entry.file
+        tops = _numbers(root, entry, "tops")
+        if len(tops) != len(light.tables):
+            raise FormatError(f"{root}: a reflection has {len(tops)} tops of weights for {len(light.tables)} tables")
+        return _checked(path, lambda: Reflection(light, read_weights(path, layers, tops)))
+
     def read(self, entry: Component, root: Path, shared: Any) -> Reflection:
         """Read a component whose tables are read."""
-        if not isinstance(shared, ReflectedLight):
-            raise FormatError(f"{root}: a texture has reflection but the asset has no tables of it; copy it again")
+        light = _light(root, shared)
         if entry.file is None:
-            return Reflection(shared)
+            return Reflection(light)
         path, top = root / entry.file, _number(root, entry, "top")
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
@@ -55,7 +77,7 @@ class ReflectionFiles(ComponentFiles):
             raise FormatError(f"{path}: damaged ({type(error).__name__}); copy the asset again") from error
         if codes.dtype != np.uint8 or codes.ndim != 2 or codes.size > MOST_SAMPLES:
             raise FormatError(f"{path}: holds {codes.dtype} {codes.shape}, expected bytes (samples, tables)")
-        return _checked(path, lambda: Reflection(shared, codes.astype(np.float32) * np.float32(top / 255.0)))
+        return _checked(path, lambda: Reflection(light, codes.astype(np.float32) * np.float32(top / 255.0)))
 
     def write_shared(self, shared: ReflectedLight, folder: Path, quality: int) -> Mapping[str, Any]:
         """Write one picture a table."""
@@ -84,9 +106,17 @@ class ReflectionFiles(ComponentFiles):
         return _checked(root, lambda: ReflectedLight(np.stack(tables), tuple(reflectance), damping))
 
 
+def _light(root: Path, shared: Any) -> ReflectedLight:
+    if not isinstance(shared, ReflectedLight):
+        raise FormatError(f"{root}: a texture has reflection but the asset has no tables of it; copy it again")
+    return shared
+
+
 def _checked(path: Path, make: Any) -> Any:
     try:
         return make()
+    except (FormatError, MissingFileError):
+        raise
     except IbrError as error:
         raise FormatError(f"{path}: {error}") from error
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cache
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
@@ -13,21 +12,29 @@ from pydantic import Field, model_validator
 
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
-from ibrpipe.evaluation.photo_fit import PhotoFit
-from ibrpipe.io.assets import INDEX, AssetIndex, files_of, read_asset, read_index
-from ibrpipe.io.manifest import files_below
-from ibrpipe.io.recoding import finish, losses, recode, texture_bytes
+from ibrpipe.evaluation.photo_fit import PhotoFit, mean_of
+from ibrpipe.io.assets import INDEX, AssetIndex, read_asset, read_index
+from ibrpipe.io.recoding import finish, losses, texture_bytes
 from ibrpipe.io.views import View, read_views
-from ibrpipe.modelling.compression.document import Compression, Trial
-from ibrpipe.modelling.compression.steps import NORMALS, STEPS, CodingStep, coarsest, finest, keep_normals
-from ibrpipe.types import Asset
+from ibrpipe.modelling.compression.coder import Coder, size_of
+from ibrpipe.modelling.compression.document import Compression, PartLevel, Trial
+from ibrpipe.modelling.compression.parts import Parts, curves_of, square
+from ibrpipe.modelling.compression.search import coarsest_within, finest_within
+from ibrpipe.modelling.compression.steps import ANCHORS, LADDERS, CodingStep, Level
+from ibrpipe.modelling.compression.tradeoff import Curve, choices, step_of_choice
 
 #: bytes of a megabyte
 _MB = 1e6
-#: PSNR that normals had from depth may cost, dB
-_NORMALS_DB = 0.03
-#: settings that are those of `Coding`
-_LAYERS = ("color_quality", "depth_step", "normal_bits", "normal_tolerance")
+#: photos by which single parts are measured, at the most
+_FEW = 6
+#: settings that fix a part: name of the setting to name in a level
+_SETTINGS: Mapping[str, Mapping[str, str]] = {
+    "color": {"color_quality": "color_quality"},
+    "depth": {"depth_step": "depth_step"},
+    "normal": {name: name for name in ("normal_quality", "normal_bits", "normal_tolerance")},
+    "weights": {"weight_quality": "weights"},
+    "components": {"component_quality": "components"},
+}
 
 
 class CompressConfig(StageConfig):
@@ -37,18 +44,27 @@ class CompressConfig(StageConfig):
     target_mb: float | None = Field(None, gt=0, description="Largest size of the asset, megabytes")
     target_db: float | None = Field(None, gt=0, le=100, description="Least PSNR of the measured training photos, dB")
     loss_db: float = Field(
-        0.15, ge=0, le=100, description="Without a target: PSNR of the measured training photos that may be lost, dB"
+        0.3, ge=0, le=100, description="Without a target: PSNR of the measured training photos that may be lost, dB"
     )
     measured_views: int = Field(12, ge=1, le=1000, description="Training photos that are measured, evenly spread")
-    color_quality: int | None = Field(None, ge=1, le=100, description="JPEG XL quality of colours; none = chosen")
+    color_quality: int | None = Field(None, ge=1, le=100, description="Quality of colours; none = chosen")
     depth_step: float | None = Field(
         None, gt=0, le=1, description="Step of depths, shares of a texel's pitch; none = chosen"
     )
+    normal_quality: int | None = Field(
+        None, ge=1, le=100, description="AVIF quality of normals, told as differences from depth's; none = chosen"
+    )
     normal_bits: int | None = Field(
-        None, ge=3, le=16, description="Bits of either coordinate of normals; none = chosen"
+        None, ge=3, le=16, description="Instead of a quality: bits of either coordinate of normals"
     )
     normal_tolerance: float | None = Field(
-        None, gt=0, le=180, description="Normals are had from depth where right within so many degrees; none = chosen"
+        None,
+        gt=0,
+        le=180,
+        description="With normal_bits: degrees within which normals had from depth will do",
+    )
+    weight_quality: int | None = Field(
+        None, ge=1, le=99, description="AVIF quality of the weights of shared reflection; none = chosen"
     )
     component_quality: int | None = Field(
         None, ge=1, le=99, description="Quality of residual images, as WebP's; none = chosen"
@@ -59,9 +75,14 @@ class CompressConfig(StageConfig):
         named = [name for name in ("lossless", "target_mb", "target_db") if getattr(self, name)]
         if len(named) > 1:
             raise ValueError(f"{' and '.join(named)} cannot both be kept; give one")
-        given = [name for name in (*_LAYERS, "component_quality") if getattr(self, name) is not None]
+        settings = [name for names in _SETTINGS.values() for name in names]
+        given = [name for name in settings if getattr(self, name) is not None]
         if self.lossless and given:
             raise ValueError(f"lossless leaves no choice of {given[0]}; give one of the two")
+        if self.normal_bits is not None and self.normal_quality is not None:
+            raise ValueError("normal_bits and normal_quality cannot both be kept; give one")
+        if self.normal_tolerance is not None and self.normal_bits is None:
+            raise ValueError("normal_tolerance needs normal_bits; give both")
         return self
 
 
@@ -83,50 +104,8 @@ class Outputs(StageOutputs):
     compression: Path = artifact("compression.json", "How the asset is coded, and why.", Compression)
 
 
-@dataclass
-class _Coder:
-    """Codes an asset in several ways and measures what comes of it."""
-
-    source: Path
-    index: AssetIndex
-    asset: Asset
-    fit: PhotoFit
-    out: Path
-    trials: list[Trial] = field(default_factory=list)
-
-    def coded(self, step: CodingStep) -> tuple[AssetIndex, Asset]:
-        """Write the asset into `out`, where no other one remains, and read it."""
-        if (self.out / INDEX).is_file():
-            for name in files_of(read_index(self.out)):
-                (self.out / name).unlink(missing_ok=True)
-        index = recode(self.source, self.index, self.asset, self.out, step.layers, step.components)
-        finish(index, self.out, [{}] * len(index.textures))
-        return index, read_asset(self.out)
-
-    def tried(self, step: CodingStep, photos: bool) -> Trial:
-        """Code the asset and measure it, the photos too if asked for."""
-        _, asset = self.coded(step)
-        trial = Trial(
-            layers=step.layers,
-            component_quality=step.components,
-            bytes=_size(self.out),
-            psnr=_rounded(self.fit.psnr(asset)) if photos else None,
-        )
-        self.trials.append(trial)
-        return trial
-
-    def settled(self, step: CodingStep) -> Trial:
-        """Leave the asset coded in this step, measured on the photos; not once more where it was the last one tried."""
-        last = self.trials[-1] if self.trials else None
-        if last is None or CodingStep(last.layers, last.component_quality) != step:
-            last = self.tried(step, photos=True)
-            self.trials.pop()
-        psnr = last.psnr if last.psnr is not None else _rounded(self.fit.psnr(read_asset(self.out)))
-        return last.model_copy(update={"psnr": psnr})
-
-
 def run(inputs: Inputs, config: CompressConfig) -> Outputs:
-    """Try codings from exact to coarse by bisection and write the asset in the one that the target asks for.
+    """Measure what every part of the asset weighs and costs, and write it in the coding that the target asks for.
 
     Raises
     ------
@@ -134,69 +113,95 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
         The asset or the views cannot be read.
     """
     index, asset = read_index(inputs.asset), read_asset(inputs.asset)
-    fit = PhotoFit(_spread(read_views(inputs.views).train, config.measured_views))
-    coder = _Coder(inputs.asset, index, asset, fit, inputs.out)
-    before = _rounded(fit.psnr(asset))
-    steps = [_settled(step, config) for step in _steps(coder, config, before)]
-    chosen, why = _choose(coder, steps, config, before)
-    trial = coder.settled(steps[chosen])
+    train = read_views(inputs.views).train
+    fit = PhotoFit(_spread(train, config.measured_views))
+    each, every = fit.each(asset), -(-len(fit.views) // _FEW)
+    coder, before = Coder(inputs.asset, index, asset, fit.psnr, inputs.out), _rounded(mean_of(each))
+    few, curves = mean_of(each[::every]), {}
+    if not config.lossless and few is not None:
+        parts = Parts(inputs.asset, index, asset, lambda changed: fit.psnr(changed, every), few)
+        curves = curves_of(parts, _fixed(config))
+    step, why = _choose(coder, curves, config, before)
+
+    def kept(trial: Trial) -> bool:
+        if config.target_mb is not None:
+            return trial.bytes <= config.target_mb * _MB
+        return trial.psnr is None or before is None or trial.psnr >= _wanted(config, before)
+
     told = Compression(
         why=why,
-        chosen=trial,
-        bytes_before=_size(inputs.asset),
+        chosen=coder.settle(step, kept),
+        bytes_before=size_of(inputs.asset),
         psnr_before=before,
         views=[view.name for view in fit.views],
+        parts={name: _told(name, curve, before or 0.0, config) for name, curve in curves.items()},
         trials=coder.trials,
     )
     _finish(coder, inputs, told)
     return Outputs.below(inputs.out)
 
 
-def _steps(coder: _Coder, config: CompressConfig, before: float | None) -> Sequence[CodingStep]:
-    """Return the steps to choose from; normals are had from depth only where the photos do not miss them."""
-    if config.lossless or before is None:
-        return STEPS[:1]
-    if config.normal_tolerance is not None:
-        return STEPS
-    derived = coder.tried(NORMALS, photos=True).psnr
-    lost = before - (derived or 0.0)
-    return STEPS if lost <= _NORMALS_DB else [keep_normals(step) for step in STEPS]
-
-
-def _settled(step: CodingStep, config: CompressConfig) -> CodingStep:
-    """Return a step with what the settings leave no choice about."""
-    if config.lossless:
-        return step
-    given = {name: getattr(config, name) for name in _LAYERS if getattr(config, name) is not None}
-    return CodingStep(step.layers.model_copy(update=given), config.component_quality or step.components)
+def _fixed(config: CompressConfig) -> dict[str, Level]:
+    """Return the levels that the settings leave no choice about."""
+    given = {name: getattr(config, name) for name in CompressConfig.model_fields if getattr(config, name) is not None}
+    found: dict[str, Level] = {
+        part: {name: given[setting] for setting, name in names.items() if setting in given}
+        for part, names in _SETTINGS.items()
+    }
+    return {part: level for part, level in found.items() if level}
 
 
 def _choose(
-    coder: _Coder, steps: Sequence[CodingStep], config: CompressConfig, before: float | None
-) -> tuple[int, str]:
-    """Return the place of the step to take, and why."""
+    coder: Coder, curves: dict[str, Curve], config: CompressConfig, before: float | None
+) -> tuple[CodingStep, str]:
+    """Return the step to take, and why."""
     if config.lossless:
-        return 0, "every bit of the layers is kept, view dependence as it was"
+        return CodingStep(), "every bit of the layers is kept, view dependence as it was"
+    if before is None:
+        return CodingStep(), "no photo shows the asset, so that nothing can be measured: every bit is kept"
+    fixed, ladder = _fixed(config), choices(curves)
+    steps = [step_of_choice(choice, fixed) for choice in ladder]
+
+    def attempt(place: int) -> tuple[int, float]:
+        trial = coder.tried(steps[place])
+        return trial.bytes, square(trial.psnr) - square(before)
+
     if config.target_mb is not None:
-        most = config.target_mb * _MB
-        small = cache(lambda i: coder.tried(steps[i], photos=False).bytes <= most)
-        found = finest(len(steps), small)
+        found = finest_within(ladder, int(config.target_mb * _MB), attempt)
         if found is None:
-            return len(steps) - 1, f"even the coarsest coding is larger than {config.target_mb:g} MB"
-        return found, f"the finest coding of at most {config.target_mb:g} MB"
-    wanted = config.target_db if config.target_db is not None else None if before is None else before - config.loss_db
-    if wanted is None:
-        return 0, "no photo shows the asset, so that nothing can be measured: every bit is kept"
-    good = cache(lambda i: (coder.tried(steps[i], photos=True).psnr or 0.0) >= wanted)
-    found = coarsest(len(steps), good)
+            return steps[-1], f"even the coarsest coding is larger than {config.target_mb:g} MB"
+        return steps[found], f"the finest coding of at most {config.target_mb:g} MB"
+    wanted = _wanted(config, before)
+    found = coarsest_within(ladder, square(wanted) - square(before), attempt)
+    if found is None and fixed:
+        return steps[0], f"with the settings given, the photos are not shown at {wanted:.2f} dB"
     if found is None:
-        return 0, f"even without losses the photos are not shown at {wanted:.2f} dB"
+        return CodingStep(), f"even without losses the photos are not shown at {wanted:.2f} dB"
     if config.target_db is not None:
-        return found, f"the coarsest coding that shows the measured photos at {config.target_db:g} dB or better"
-    return found, f"the coarsest coding that loses at most {config.loss_db:g} dB on the measured photos"
+        return steps[found], f"the coarsest coding that shows the measured photos at {config.target_db:g} dB or better"
+    return steps[found], f"the coarsest coding that loses at most {config.loss_db:g} dB on the measured photos"
 
 
-def _finish(coder: _Coder, inputs: Inputs, told: Compression) -> None:
+def _wanted(config: CompressConfig, before: float) -> float:
+    """Return the least PSNR that is asked for, dB."""
+    return before - config.loss_db if config.target_db is None else config.target_db
+
+
+def _told(name: str, curve: Curve, before: float, config: CompressConfig) -> list[PartLevel]:
+    """Return what was measured of one part."""
+    fixed = _fixed(config).get(name)
+    ladder, places = (LADDERS[name], ANCHORS[name]) if fixed is None else ((fixed,), (0,))
+    return [
+        PartLevel(
+            level=dict(ladder[place]),
+            bytes=int(curve.sizes[place]),
+            psnr_change=round(-10 * float(np.log10(max(square(before) + curve.errors[place], 1e-10))) - before, 3),
+        )
+        for place in places
+    ]
+
+
+def _finish(coder: Coder, inputs: Inputs, told: Compression) -> None:
     """Write the index with what every texture lost, and `compression.json`."""
     index, coded = read_index(inputs.out), read_asset(inputs.out)
     lost: list[dict[str, Any]] = []
@@ -206,10 +211,6 @@ def _finish(coder: _Coder, inputs: Inputs, told: Compression) -> None:
     summary = {"why": told.why, "psnr_before": told.psnr_before, "psnr": told.chosen.psnr}
     finish(index, inputs.out, lost, summary)
     (inputs.out / "compression.json").write_text(told.to_json(), encoding="utf-8")
-
-
-def _size(folder: Path) -> int:
-    return sum(path.stat().st_size for path in files_below(folder))
 
 
 def _rounded(value: float | None) -> float | None:

@@ -17,7 +17,6 @@ from ibrpipe.errors import FormatError
 from ibrpipe.io.assets import read_asset, read_index, write_asset
 from ibrpipe.io.photos.images import write_png
 from ibrpipe.io.views import View, ViewSet, write_views
-from ibrpipe.modelling.compression.steps import STEPS
 from ibrpipe.renderers.api import render
 from ibrpipe.stages.compress import CompressConfig, Inputs, run
 from ibrpipe.types import Asset, Camera, LayeredDepthImage, ParallelFrame, SpiralResiduals, SpiralTexture
@@ -111,15 +110,20 @@ def test_a_size_is_kept(inputs: Inputs, share: float) -> None:
     assert f"at most {share * whole / 1e6:g} MB" in found["why"]
 
 
-def test_a_finer_coding_would_be_too_large(inputs: Inputs) -> None:
-    most = 20_000
-    found = told(inputs, target_mb=most / 1e6)
-    steps = [(step.layers.model_dump(), step.components) for step in STEPS]
-    tried = [((t["layers"], t["component_quality"]), t["bytes"]) for t in found["trials"]]
-    places = {steps.index(coding): size for coding, size in tried if coding in steps}
-    place = steps.index((found["chosen"]["layers"], found["chosen"]["component_quality"]))
-    assert place - 1 in places
-    assert all(size > most for step, size in places.items() if step < place)
+def test_little_of_a_size_is_left(inputs: Inputs) -> None:
+    found = told(inputs, target_mb=0.02)
+    assert 10_000 < found["chosen"]["bytes"] <= 20_000
+    assert len(found["trials"]) <= 7
+
+
+def test_what_parts_weigh_and_cost_is_told(inputs: Inputs) -> None:
+    parts = told(inputs)["parts"]
+    assert set(parts) == {"color", "depth", "normal", "components"}
+    for levels in parts.values():
+        sizes = [level["bytes"] for level in levels]
+        assert sizes == sorted(sizes, reverse=True)
+        assert min(sizes) > 0
+    assert parts["components"][-1]["psnr_change"] < parts["components"][0]["psnr_change"] < 0
 
 
 def test_a_quality_is_kept(inputs: Inputs) -> None:
@@ -148,9 +152,10 @@ def test_lossless_is(inputs: Inputs) -> None:
 
 def test_given_settings_are_taken(inputs: Inputs) -> None:
     found = told(inputs, color_quality=70, normal_bits=9, component_quality=30)
-    assert {trial["layers"].get("color_quality") for trial in found["trials"][1:]} == {70}
-    assert {trial["layers"]["normal_bits"] for trial in found["trials"][1:]} == {9}
-    assert {trial["component_quality"] for trial in found["trials"][1:]} == {30}
+    chosen = found["chosen"]
+    assert {trial["layers"]["color_quality"] for trial in [chosen, *found["trials"]]} == {70}
+    assert {trial["layers"]["normal_bits"] for trial in [chosen, *found["trials"]]} == {9}
+    assert {trial["component_quality"] for trial in [chosen, *found["trials"]]} == {30}
 
 
 def test_the_same_inputs_give_the_same_bytes(inputs: Inputs, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from ibrpipe.evaluation.baselines import render_ulr
 from ibrpipe.evaluation.held_out import held_out_views, load_truth
 from ibrpipe.evaluation.image_scores import score_frame
 from ibrpipe.evaluation.metrics import Scores, mean_scores
+from ibrpipe.evaluation.photo_fit import PhotoFit
 from ibrpipe.evaluation.sizes import bytes_of
 from ibrpipe.evaluation.timing import timed_size
 from ibrpipe.io.assets import AssetIndex, read_asset, read_index
@@ -28,7 +29,9 @@ from ibrpipe.io.manifest import files_below
 from ibrpipe.io.recoding import finish, recode
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import View, read_views
-from ibrpipe.modelling.compression.steps import STEPS, CodingStep
+from ibrpipe.modelling.compression.parts import Parts, curves_of
+from ibrpipe.modelling.compression.steps import CodingStep
+from ibrpipe.modelling.compression.tradeoff import choices, step_of_choice
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.stages.registry import load_stage, load_stages
@@ -37,6 +40,8 @@ from ibrpipe.types.layers import pitch_of
 
 WIDTH = 640
 _FRAMES, _READS = 5, 3
+#: training photos by which parts are weighed, and codings on the way from fine to coarse
+_FITTED, _POINTS = 6, 11
 #: depth levels and words of gong-yang
 _LEVELS, _WORDS = 256, 256
 
@@ -68,7 +73,9 @@ def _curve(run: Path, most_views: int) -> RateCurve:
     photos = bytes_of(made["asset"], views.train, made["mesh"])["photos"]
     points = []
     with TemporaryDirectory(prefix="ibrpipe-") as scratch:
-        for series, label, folder in track(list(_codings(made["asset"], Path(scratch))), f"rate-error {run.name}"):
+        for series, label, folder in track(
+            list(_codings(made["asset"], Path(scratch), views.train)), f"rate-error {run.name}"
+        ):
             points.append(_measured(series, label, folder, tested, photos))
     caster = MeshCaster(mesh)
     shown = load_photos(views.train, caster)
@@ -79,20 +86,30 @@ def _curve(run: Path, most_views: int) -> RateCurve:
     )
 
 
-def _codings(source: Path, scratch: Path) -> Iterator[tuple[str, str, Path]]:
+def _codings(source: Path, scratch: Path, train: Sequence[View]) -> Iterator[tuple[str, str, Path]]:
     """Write the asset in every coding; yield series, label and folder."""
     index, asset = read_index(source), read_asset(source)
     yield "raw", "deep OpenEXR", _written(source, index, asset, scratch / "raw", CodingStep(Coding()), raw=True)
-    whole = STEPS if asset.kinds else ()
-    for n, step in enumerate(whole):
+    steps = _steps(source, index, asset, train)
+    for n, step in enumerate(steps if asset.kinds else ()):
         yield "whole", _words(step), _written(source, index, asset, scratch / f"whole_{n}", step)
     bare_index, bare = _bare(index, asset)
-    kept = dict.fromkeys(step.layers for step in STEPS)
-    for n, layers in enumerate(kept):
+    for n, layers in enumerate(dict.fromkeys(step.layers for step in steps)):
         step = CodingStep(layers)
         yield "diffuse", _words(step), _written(source, bare_index, bare, scratch / f"diffuse_{n}", step)
     for n, (label, layers) in enumerate(paper_codings(asset).items()):
         yield "paper", label, _written(source, index, asset, scratch / f"paper_{n}", CodingStep(layers))
+
+
+def _steps(source: Path, index: AssetIndex, asset: Asset, train: Sequence[View]) -> list[CodingStep]:
+    """Return codings as `ibrpipe compress` chooses from, exact first, then evenly spread over bytes."""
+    fit = PhotoFit(_spread(train, _FITTED))
+    parts = Parts(source, index, asset, fit.psnr, fit.psnr(asset) or 0.0)
+    ladder = choices(curves_of(parts, {}))
+    sizes = np.log([choice.size for choice in ladder])
+    wanted = np.linspace(sizes.max(), sizes.min(), _POINTS)
+    places = dict.fromkeys(int(np.abs(sizes - size).argmin()) for size in wanted)
+    return list(dict.fromkeys([CodingStep(), *(step_of_choice(ladder[place], {}) for place in places)]))
 
 
 def paper_codings(asset: Asset) -> dict[str, Coding]:
@@ -119,13 +136,14 @@ def _bare(index: AssetIndex, asset: Asset) -> tuple[AssetIndex, Asset]:
 def _written(source: Path, index: AssetIndex, asset: Asset, out: Path, step: CodingStep, raw: bool = False) -> Path:
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    fresh = recode(source, index, asset, out, None if raw else step.layers, step.components)
+    fresh = recode(source, index, asset, out, None if raw else step.layers, step.quality_of)
     finish(fresh, out, [None] * len(fresh.textures))
     return out
 
 
 def _words(step: CodingStep) -> str:
     said = [f"{name.replace('_', ' ')} {value:g}" for name, value in step.layers.model_dump().items()]
+    said += [] if step.weights is None else [f"weights {step.weights}"]
     said += [] if step.components is None else [f"components {step.components}"]
     return ", ".join(said) or "lossless"
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from ibrpipe.errors import FormatError, IbrError, MissingFileError, ResourceError
 from ibrpipe.io.layer_pictures import values
+from ibrpipe.io.layer_pictures.avif import QUICK
 from ibrpipe.io.layer_pictures.coding import Coding
 from ibrpipe.io.layer_pictures.normal_parts import pack_normals, unpack_normals
 from ibrpipe.io.layer_pictures.planes import pack_occupancy, planes_of, unpack_occupancy
@@ -38,7 +39,7 @@ _DAMAGE = (
 )
 
 
-def write_layer_pictures(layers: LayeredDepthImage, path: Path, coding: Coding) -> None:
+def write_layer_pictures(layers: LayeredDepthImage, path: Path, coding: Coding, speed: int = QUICK) -> None:
     """Write a layered depth image compactly; without losses every bit comes back.
 
     Raises
@@ -62,9 +63,9 @@ def write_layer_pictures(layers: LayeredDepthImage, path: Path, coding: Coding) 
         "height": height,
         "width": width,
         "samples": [len(plane.samples) for plane in planes],
-        "color": values.pack_color(layers.color, planes, coding, parts),
+        "color": values.pack_color(layers.color, planes, coding, parts, speed),
         "depth": said,
-        "normal": pack_normals(layers.normal, depth, layers.frame, planes, coding, parts),
+        "normal": pack_normals(layers.normal, depth, layers.frame, planes, coding, parts, speed),
         "observers": values.pack_observers(layers.observers, planes, coding.lossless, parts),
     }
     try:

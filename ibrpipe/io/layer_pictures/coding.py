@@ -12,7 +12,9 @@ from ibrpipe.config import Document
 class Coding(Document):
     """What is kept of colours, depths and normals; None = every bit."""
 
-    color_quality: int | None = Field(None, ge=1, le=100, description="JPEG XL quality of the colours; absent = exact")
+    color_quality: int | None = Field(
+        None, ge=1, le=100, description="Quality of the colours, AVIF to 96, above it JPEG XL; absent = exact"
+    )
     depth_step: float | None = Field(
         None, gt=0, le=16, description="Step of the depths, shares of a texel's pitch; absent = exact"
     )
@@ -20,6 +22,12 @@ class Coding(Document):
         None, ge=3, le=16, description="Bits of either octahedral coordinate of the normals; absent = exact"
     )
 
+    normal_quality: int | None = Field(
+        None,
+        ge=1,
+        le=100,
+        description="AVIF quality of how normals differ from those had from depth; absent = not so",
+    )
     normal_tolerance: float | None = Field(
         None,
         gt=0,
@@ -30,13 +38,15 @@ class Coding(Document):
         None,
         ge=2,
         le=4096,
-        description="Words for blocks of 2 x 2 colours (gong-yang) instead of JPEG XL",
+        description="Words for blocks of 2 x 2 colours (gong-yang) instead of a quality",
     )
 
     @model_validator(mode="after")
     def _rest_is_coded(self) -> Self:
         if self.normal_tolerance is not None and self.normal_bits is None:
             raise ValueError("normal_tolerance needs normal_bits for the normals that depth does not give")
+        if self.normal_quality is not None and self.normal_bits is not None:
+            raise ValueError("normal_quality and normal_bits are two ways to code normals; give one")
         return self
 
     @property

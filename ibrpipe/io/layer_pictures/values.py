@@ -9,6 +9,8 @@ import numpy as np
 
 from ibrpipe.core.color import decode_table, srgb_encode
 from ibrpipe.errors import FormatError
+from ibrpipe.io.layer_pictures.atlas import Atlas
+from ibrpipe.io.layer_pictures.avif import QUICK, decode_avif, encode_avif
 from ibrpipe.io.layer_pictures.codebook import pack_blocks, unpack_blocks
 from ibrpipe.io.layer_pictures.coding import Coding
 from ibrpipe.io.layer_pictures.exact import common_step, numbers_of, values_of
@@ -24,6 +26,8 @@ Parts = dict[str, bytes]
 Said = dict[str, Any]
 
 _CODES = 256
+#: best quality at which AVIF, whose luma and chroma are rounded to 8 bits, needs fewer bytes than JPEG XL
+BEST_AVIF = 96
 _LARGEST = float(np.finfo(np.float32).max)
 
 
@@ -43,7 +47,7 @@ def unpack_exact(name: str, said: Said, columns: int, planes: Sequence[Plane], p
     return np.stack(found, axis=1)
 
 
-def pack_color(color: Array, planes: Sequence[Plane], coding: Coding, parts: Parts) -> Said:
+def pack_color(color: Array, planes: Sequence[Plane], coding: Coding, parts: Parts, speed: int = QUICK) -> Said:
     """Pack colours (S, 3): as pictures of 8-bit sRGB codes where that is asked for or loses nothing."""
     quality = coding.color_quality
     if quality is None and coding.codewords is None:
@@ -54,6 +58,10 @@ def pack_color(color: Array, planes: Sequence[Plane], coding: Coding, parts: Par
     else:
         held, top = "float", float(max(1.0, color.max(initial=0.0)))
         codes = np.round(255.0 * srgb_encode(color / np.float32(top))).astype(np.uint8)
+    atlas = Atlas(planes)
+    if quality is not None and quality <= BEST_AVIF and coding.codewords is None and atlas.fits:
+        parts["color.avif"] = encode_avif(atlas.spread(codes), quality, speed)
+        return {"coding": "avif", "quality": quality, "top": top, "held": held}
     pictures = []
     for plane in planes:
         picture = np.zeros((*plane.there.shape, 3), np.uint8)
@@ -72,11 +80,15 @@ def unpack_color(said: Said, planes: Sequence[Plane], parts: Mapping[str, bytes]
     """Return colours (S, 3) float32."""
     if said["coding"] == "exact":
         return unpack_exact("color", said, 3, planes, parts)
-    if said["coding"] not in ("jxl", "blocks") or said["held"] not in ("float", "half"):
+    if said["coding"] not in ("avif", "jxl", "blocks") or said["held"] not in ("float", "half"):
         raise FormatError(f"colours are coded as {said['coding']!r}, {said['held']!r}, which is unknown")
-    codes = np.zeros((sum(len(plane.samples) for plane in planes), 3), np.uint8)
-    for plane, picture in zip(planes, _pictures(said["coding"], planes, parts), strict=True):
-        codes[plane.samples] = picture[plane.there]
+    if said["coding"] == "avif":
+        atlas = Atlas(planes)
+        codes = atlas.gather(decode_avif(parts["color.avif"], (*atlas.shape, 3)))
+    else:
+        codes = np.zeros((sum(len(plane.samples) for plane in planes), 3), np.uint8)
+        for plane, picture in zip(planes, _pictures(said["coding"], planes, parts), strict=True):
+            codes[plane.samples] = picture[plane.there]
     found: Array = _light(said["held"])[codes] * np.float32(_positive(said["top"]))
     return found
 

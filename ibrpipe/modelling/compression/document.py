@@ -13,8 +13,19 @@ class Trial(Document):
 
     layers: Coding = Field(description="Coding of the layers")
     component_quality: int | None = Field(None, description="Quality of view dependence; absent = kept as it was")
+    weight_quality: int | None = Field(
+        None, description="Quality of the weights of shared reflection; absent = kept as they were"
+    )
     bytes: int = Field(ge=0, description="Size of the asset")
     psnr: float | None = Field(None, description="PSNR of the photos that are measured, dB")
+
+
+class PartLevel(Document):
+    """One level of one part: measured, or interpolated between what was."""
+
+    level: dict[str, float | int] = Field(description="Settings; empty = exact")
+    bytes: int = Field(ge=0, description="Bytes of the part, estimated")
+    psnr_change: float = Field(description="What it alone changes of the PSNR of the measured photos, dB, estimated")
 
 
 class Compression(Document):
@@ -25,4 +36,7 @@ class Compression(Document):
     bytes_before: int = Field(ge=0, description="Size of the asset as it came")
     psnr_before: float | None = Field(None, description="PSNR of the photos before, dB")
     views: list[str] = Field(description="Training photos that were measured")
-    trials: list[Trial] = Field(description="All that was tried, in order")
+    parts: dict[str, list[PartLevel]] = Field(
+        default={}, description="What the levels of every part of the asset weigh and cost, from exact to coarse"
+    )
+    trials: list[Trial] = Field(description="All codings of the whole that were tried, in order")

@@ -1,14 +1,13 @@
-"""Steps of coding from exact to coarse, and the coarsest of them that still keeps a promise, found by bisection."""
+"""Ways to code an asset, part by part: ladders of levels from exact to coarse, one for each part."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 from ibrpipe.io.layer_pictures import LOSSLESS, Coding
-
-#: bits of a coordinate of normals that depth does not give well enough, such as those that mirror
-_KEPT_BITS = 8
+from ibrpipe.types import Reflection
 
 
 @dataclass(frozen=True)
@@ -21,67 +20,52 @@ class CodingStep:
         Of the layers.
     components : int or None
         Quality of view dependence, 1 to 99; None = its files are kept as they are.
+    weights : int or None
+        Quality of the weights of shared reflection, 1 to 99; None = their files are kept as they are.
     """
 
-    layers: Coding
+    layers: Coding = field(default=LOSSLESS)
     components: int | None = None
+    weights: int | None = None
+
+    def quality_of(self, kind: str) -> int | None:
+        """Return the quality of a kind of view dependence; None = its files are kept."""
+        return self.weights if kind == Reflection.kind else self.components
 
 
-#: degrees; a twentieth per cent of the normals of a mesh's layers differ more from what depth gives
-_TOLERANCE = 15.0
+#: fields of `Coding`, or "components" or "weights"; nothing = exact
+Level = Mapping[str, Any]
 
 
-def _step(color: int | None, depth: float, bits: int, components: int | None = None) -> CodingStep:
-    coding = Coding(color_quality=color, depth_step=depth, normal_bits=bits, normal_tolerance=_TOLERANCE)
-    return CodingStep(coding, components)
+def _qualities(name: str, *values: int) -> tuple[Level, ...]:
+    return ({}, *({name: value} for value in values))
 
 
-#: from exact to coarse; the components' pictures cost most and pay least, so they are coarsened before the colours
-STEPS = (
-    CodingStep(LOSSLESS),
-    _step(None, 1 / 16, 8),
-    _step(99, 1 / 8, 7),
-    _step(98, 1 / 4, 6),
-    _step(97, 1 / 4, 6),
-    _step(97, 1 / 4, 6, 85),
-    _step(96, 1 / 4, 6, 75),
-    _step(95, 1 / 4, 6, 60),
-    _step(93, 1 / 4, 6, 40),
-    _step(90, 1 / 2, 5, 25),
-    _step(85, 1 / 2, 5, 12),
-    _step(75, 1 / 2, 5, 6),
-    _step(60, 1.0, 5, 3),
-    _step(40, 1.0, 4, 1),
-)
+#: levels of every part, from exact to coarse
+LADDERS: Mapping[str, tuple[Level, ...]] = {
+    "color": _qualities(
+        "color_quality", 100, 99, 98, 97, 96, 92, 88, 84, 80, 75, 70, 65, 60, 55, 50, 45, 40, 35, 30, 24, 18
+    ),
+    "depth": ({}, *({"depth_step": 2.0**-power} for power in (4, 3, 2, 1, 0))),
+    "normal": _qualities("normal_quality", 95, 90, 85, 80, 75, 70, 65, 60, 55, 50, 40, 30),
+    "weights": _qualities("weights", 90, 70, 60, 50, 40, 30, 25, 20, 15, 10, 5),
+    "components": _qualities("components", 85, 75, 65, 55, 45, 35, 25, 18, 12, 6, 3, 1),
+}
+
+#: levels that are coded and measured; what lies between and beyond is told by them
+ANCHORS: Mapping[str, tuple[int, ...]] = {
+    "color": (9, 15),
+    "depth": (3, 5),
+    "normal": (7,),
+    "weights": (6,),
+    "components": (2, 8),
+}
+#: factors of bytes and of errors from a level to the next, where one is measured
+FACTORS: Mapping[str, tuple[float, float]] = {"normal": (0.88, 1.17), "weights": (0.75, 1.6)}
 
 
-#: normals alone had from depth: what that costs says whether it may be done
-NORMALS = CodingStep(Coding(normal_bits=8, normal_tolerance=_TOLERANCE))
-
-
-def keep_normals(step: CodingStep) -> CodingStep:
-    """Return the step with normals of their own where it has them from depth."""
-    if step.layers.normal_tolerance is None:
-        return step
-    return CodingStep(
-        step.layers.model_copy(update={"normal_tolerance": None, "normal_bits": _KEPT_BITS}), step.components
-    )
-
-
-def coarsest(count: int, kept: Callable[[int], bool]) -> int | None:
-    """Return the last of `count` steps that keeps a promise, which finer ones keep too; None = not even the first.
-
-    The promise of a step is asked for once at most, and of about log2(count) steps.
-    """
-    low, high = -1, count
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if kept(middle) else (low, middle)
-    return None if low < 0 else low
-
-
-def finest(count: int, kept: Callable[[int], bool]) -> int | None:
-    """Return the first of `count` steps that keeps a promise, which coarser ones keep too; None = not even the last."""
-    found = coarsest(count, lambda step: not kept(step))
-    first = 0 if found is None else found + 1
-    return None if first == count else first
+def step_of(levels: Sequence[Level]) -> CodingStep:
+    """Return the step that takes a level of every part."""
+    given = {name: value for level in levels for name, value in level.items()}
+    of_parts = {name: given.pop(name, None) for name in ("components", "weights")}
+    return CodingStep(Coding(**given), **of_parts)

@@ -23,6 +23,7 @@ CAMERA = Camera.look_at((1, 2, -5), (0, 0, 0), width=7, height=5)
 LOSSY = Coding(color_quality=95, depth_step=0.125, normal_bits=10)
 
 DERIVED = Coding(color_quality=95, depth_step=0.125, normal_bits=12, normal_tolerance=4)
+PICTURED = Coding(color_quality=80, depth_step=0.125, normal_quality=80)
 BLOCKS = Coding(codewords=256, depth_step=0.125, normal_bits=10)
 
 
@@ -85,7 +86,7 @@ def test_lossless_keeps_colours_that_were_held_as_half_floats(tmp_path):
         assert "color_0.jxl" in archive.namelist()
 
 
-@pytest.mark.parametrize("coding", [LOSSLESS, LOSSY, BLOCKS, DERIVED])
+@pytest.mark.parametrize("coding", [LOSSLESS, LOSSY, BLOCKS, DERIVED, PICTURED])
 @pytest.mark.parametrize(
     ("height", "width", "empty", "most"),
     [(1, 1, 0.0, 1), (1, 1, 1.0, 1), (1, 6, 0.5, 3), (4, 1, 0.5, 3), (3, 3, 1, 1), (2, 3, 0, 90), (1, 900, 0.1, 2)],
@@ -112,7 +113,7 @@ def test_losses_stay_within_what_was_asked_for(tmp_path):
 
 def test_finer_settings_cost_more_and_err_less(tmp_path):
     layers, sizes, errors = smooth_layers(), [], []
-    for quality, share in ((60, 0.5), (85, 0.125), (97, 0.03)):
+    for quality, share in ((40, 0.5), (70, 0.125), (95, 0.03)):
         coding = Coding(color_quality=quality, depth_step=share, normal_bits=8)
         back = through(layers, tmp_path, coding)
         sizes.append((tmp_path / NAME).stat().st_size)
@@ -142,12 +143,13 @@ def test_light_above_one_survives(tmp_path):
     assert back.color.max() > 2
 
 
-def test_unknown_normals_and_observers_stay_unknown(tmp_path):
+@pytest.mark.parametrize("coding", [LOSSY, PICTURED])
+def test_unknown_normals_and_observers_stay_unknown(tmp_path, coding):
     layers = random_layers()
     normal = np.array(layers.normal)
     normal[::3] = np.nan
     bare = replace(layers, normal=normal, observers=None)
-    back = through(bare, tmp_path, LOSSY)
+    back = through(bare, tmp_path, coding)
     assert back.observers is None
     np.testing.assert_array_equal(np.isnan(back.normal), np.isnan(normal))
 
@@ -199,6 +201,32 @@ def other_picture(header, parts):
     parts["color_0.jxl"] = parts["color_3.jxl"]
 
 
+def no_picture(header, parts):
+    parts["color_0.jxl"] = b"no picture"
+
+
+@pytest.mark.parametrize("change", [other_picture, no_picture])
+def test_hostile_jpeg_xl_ends_in_one_line(tmp_path, change):
+    file = tmp_path / NAME
+    write_layer_pictures(random_layers(), file, LOSSY.model_copy(update={"color_quality": 98}))
+    rewrite(file, change)
+    with pytest.raises(FormatError, match="copy the asset again") as caught:
+        read_layer_pictures(file)
+    assert "\n" not in str(caught.value)
+
+
+def no_normals(header, parts):
+    parts["normal.avif"] = parts["color.avif"]
+
+
+def test_hostile_pictures_of_normals_end_in_one_line(tmp_path):
+    file = tmp_path / NAME
+    write_layer_pictures(random_layers(), file, PICTURED)
+    rewrite(file, no_normals)
+    with pytest.raises(FormatError, match="copy the asset again"):
+        read_layer_pictures(file)
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -230,8 +258,9 @@ def other_picture(header, parts):
         lambda header, parts: parts.update(depth_0=b""),
         lambda header, parts: parts.update(depth_0=b"\x09\x01" + parts["depth_0"][2:]),
         lambda header, parts: parts.update(depth_0=b"\x00\xff" + parts["depth_0"][2:]),
-        lambda header, parts: parts.update({"color_0.jxl": b"no picture"}),
-        other_picture,
+        lambda header, parts: parts.update({"color.avif": b"no picture"}),
+        lambda header, parts: parts.update({"color.avif": parts["color.avif"][:-40]}),
+        lambda header, parts: parts.pop("color.avif"),
         bomb,
     ],
 )

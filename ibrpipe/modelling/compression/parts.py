@@ -1,0 +1,104 @@
+"""One part of an asset coded at some levels and measured, the rest as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from ibrpipe.engine.executor import cores
+from ibrpipe.io.assets import AssetIndex, component_bytes
+from ibrpipe.io.layer_pictures.partly import coded_partly
+from ibrpipe.io.recoding import holds_own, through_files
+from ibrpipe.modelling.compression.steps import ANCHORS, FACTORS, LADDERS, CodingStep, Level, step_of
+from ibrpipe.modelling.compression.tradeoff import Curve, filled
+from ibrpipe.types import Asset, Reflection, Texture, ViewDependence
+
+#: PSNR of an asset, dB; None = nothing shows it
+Measure = Callable[[Asset], float | None]
+#: bytes of a part that is kept exactly, by those of its finest level that is measured; not coded, because that is slow
+_EXACT = {"color": 5.0, "depth": 4.0, "normal": 8.0}
+
+
+class Parts:
+    """What an asset consists of, and what each part of it costs and loses when it is coded."""
+
+    def __init__(self, source: Path, index: AssetIndex, asset: Asset, measure: Measure, before: float) -> None:
+        self._source, self._index, self._asset = source, index, asset
+        self._measure, self._error = measure, square(before)
+
+    def names(self) -> list[str]:
+        """Return the parts that this asset has."""
+        kinds = self._asset.kinds
+        some = {"weights": self._weighted, "components": any(kind != Reflection.kind for kind in kinds)}
+        return [name for name in LADDERS if some.get(name, True)]
+
+    @property
+    def _weighted(self) -> bool:
+        return any(
+            isinstance(part, Reflection) and part.weights is not None
+            for texture in self._asset.textures
+            for part in texture.components
+        )
+
+    def curve(self, name: str, ladder: Sequence[Level], anchors: Sequence[int]) -> Curve:
+        """Return the curve of one part over its ladder; `anchors` are measured."""
+        sizes, errors = [], []
+        for place in anchors:
+            asset, size = self.coded(step_of([ladder[place]]))
+            sizes.append(float(size))
+            errors.append(square(self._measure(asset)) - self._error)
+        factors = FACTORS.get(name, (1.0, 1.0))
+        found = Curve(filled(len(ladder), anchors, sizes, factors[0]), filled(len(ladder), anchors, errors, factors[1]))
+        if not ladder[0]:
+            found.errors[0], found.sizes[0] = 0.0, self._exact(name, sizes[0])
+        return found
+
+    def _exact(self, name: str, finest: float) -> float:
+        if name in _EXACT:
+            return _EXACT[name] * finest
+        own = [
+            told
+            for entry in self._index.textures
+            for told in entry.components
+            if (told.kind == Reflection.kind) == (name == "weights")
+        ]
+        return float(sum(component_bytes(told, self._source) for told in own))
+
+    def coded(self, step: CodingStep) -> tuple[Asset, int]:
+        """Return the asset as it comes back where only what the step names is coded, and the bytes of that."""
+        with ThreadPoolExecutor(cores()) as pool, TemporaryDirectory(prefix="ibrpipe-") as folder:
+            places = range(len(self._asset.textures))
+            done = list(pool.map(lambda place: self._texture(place, step, Path(folder) / str(place)), places))
+        return Asset(tuple(texture for texture, _ in done), self._asset.info), sum(size for _, size in done)
+
+    def _texture(self, place: int, step: CodingStep, folder: Path) -> tuple[Texture, int]:
+        texture, entry = self._asset.textures[place], self._index.textures[place]
+        layers, size = coded_partly(texture.layers, step.layers)
+        components: list[ViewDependence] = []
+        for told, part in zip(entry.components, texture.components, strict=True):
+            quality, before = step.quality_of(part.kind), component_bytes(told, self._source)
+            if quality is None or not holds_own(part):
+                components.append(part)
+                continue
+            fresh, own = through_files(part, texture.layers, folder / part.kind, quality)
+            components.append(fresh if own < before else part)
+            size += min(own, before)
+        return Texture(layers, tuple(components)), size
+
+
+def square(psnr: float | None) -> float:
+    """Mean square of errors, of colours from 0 to 1, that a PSNR stands for."""
+    return float(10 ** (-0.1 * (psnr or 0.0)))
+
+
+def curves_of(parts: Parts, fixed: Mapping[str, Level], wanted: Sequence[str] | None = None) -> dict[str, Curve]:
+    """Return the curves of all parts; one whose level is fixed has only that."""
+    found = {}
+    for name in wanted or parts.names():
+        ladder, anchors = LADDERS[name], ANCHORS[name]
+        if name in fixed:
+            ladder, anchors = (fixed[name],), (0,)
+        found[name] = parts.curve(name, ladder, anchors)
+    return found

@@ -1,0 +1,114 @@
+"""Which level of every part to take: bytes against error, each part where its last byte bought as much as the others'.
+
+Errors of the parts are mean squares of the photos' colours that coding adds, and they add up; so do bytes. For every
+price of a byte each part takes the level of least error plus price times bytes (Lagrange's multiplier, as everett1963
+for separable choices): whatever such a choice weighs, no other one weighs less and errs less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from ibrpipe.modelling.compression.steps import LADDERS, CodingStep, Level, step_of
+from ibrpipe.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What the levels of one part weigh and cost.
+
+    Attributes
+    ----------
+    sizes : (N,) float64, bytes
+    errors : (N,) float64, mean square that the level adds, of colours from 0 to 1; below 0 where coding mends something
+    """
+
+    sizes: Array
+    errors: Array
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A level of every part, with the bytes and the error that are expected of them together."""
+
+    levels: Mapping[str, int]
+    size: float
+    error: float
+
+
+def choices(curves: Mapping[str, Curve]) -> list[Choice]:
+    """Return all choices that some price of a byte asks for, from fine to coarse."""
+    found: dict[tuple[int, ...], Choice] = {}
+    for price in sorted({0.0, *(price for curve in curves.values() for price in _prices(curve))}):
+        places = tuple(_best(curve, price) for curve in curves.values())
+        pairs = list(zip(curves.values(), places, strict=True))
+        found.setdefault(
+            places,
+            Choice(
+                dict(zip(curves, places, strict=True)),
+                float(sum(curve.sizes[place] for curve, place in pairs)),
+                float(sum(curve.errors[place] for curve, place in pairs)),
+            ),
+        )
+    return list(found.values())
+
+
+def step_of_choice(choice: Choice, fixed: Mapping[str, Level]) -> CodingStep:
+    """Return the step that a choice stands for; parts in `fixed` have the level stated there."""
+    return step_of([fixed.get(name, LADDERS[name][place]) for name, place in choice.levels.items()])
+
+
+def _best(curve: Curve, price: float) -> int:
+    """Return the level of least error plus price, the coarsest of equals."""
+    cost = curve.errors + price * curve.sizes
+    return int(len(cost) - 1 - np.argmin(cost[::-1]))
+
+
+def _prices(curve: Curve) -> list[float]:
+    """Return the prices at which a part changes its level: the slopes of the lower hull of its curve."""
+    order = np.lexsort((curve.errors, curve.sizes))
+    hull: list[int] = []
+    for place in order:
+        while len(hull) > 1 and _slope(curve, hull[-2], hull[-1]) <= _slope(curve, hull[-1], int(place)):
+            hull.pop()
+        if not hull or curve.errors[place] < curve.errors[hull[-1]]:
+            hull.append(int(place))
+    return [_slope(curve, one, other) * (1 + 1e-9) for one, other in pairwise(hull)]
+
+
+def _slope(curve: Curve, small: int, large: int) -> float:
+    """Error that is saved for a byte from a small level to a large one."""
+    more = max(float(curve.sizes[large] - curve.sizes[small]), 1e-9)
+    return float(curve.errors[small] - curve.errors[large]) / more
+
+
+def filled(count: int, places: Sequence[int], values: Sequence[float], factor: float = 1.0) -> Array:
+    """Interpolate what was measured at some places of a ladder of so many levels.
+
+    Parameters
+    ----------
+    places, values : measured levels, ascending, and what was measured
+    factor : from level to level, where only one was measured
+
+    Returns
+    -------
+    (count,) float64
+        Where all values are above 0, they change by a factor from level to level, beyond the measured ones, too;
+        otherwise they change evenly between these, and stay beyond.
+    """
+    x, known, y = np.arange(count, dtype=np.float64), np.asarray(places, np.float64), np.asarray(values, np.float64)
+    if not (y > 0).all():
+        return np.interp(x, known, y)
+    logs = np.log(y)
+    if len(known) == 1:
+        return np.exp(logs + np.log(factor) * (x - known))
+    out = np.interp(x, known, logs)
+    for end, inner in ((0, 1), (-1, -2)):
+        slope = (logs[end] - logs[inner]) / (known[end] - known[inner])
+        beyond = x < known[0] if end == 0 else x > known[-1]
+        out[beyond] = logs[end] + slope * (x[beyond] - known[end])
+    return np.exp(out)
