@@ -85,3 +85,28 @@ def corner_directions(Q_of, x0, y0, x1, y1, directions):
         y = y1 if c & 2 else y0
         for axis in range(3):
             directions[3 * c + axis] = Q_of[3 * axis] * x + Q_of[3 * axis + 1] * y + Q_of[3 * axis + 2]
+
+
+@inlined
+def clip_ray(Q_of, start, px, py, least, columns, rows, bottom, top):
+    # the ray at (px, py) in the picture, from camera depth `least` on, cut off at the field's box -> its direction
+    # (u, v, d) per camera depth, camera depth where it enters, camera depth from there to where it leaves, is it in
+    # the box at all; where it is not, all is 0 and the length -1: no overflow, no NaN
+    x = Q_of[0] * px + Q_of[1] * py + Q_of[2]
+    y = Q_of[3] * px + Q_of[4] * py + Q_of[5]
+    z = Q_of[6] * px + Q_of[7] * py + Q_of[8]
+    ix, iy, iz = (
+        1.0 / (x if abs(x) > 1e-200 else 1e-200),
+        1.0 / (y if abs(y) > 1e-200 else 1e-200),
+        1.0 / (z if abs(z) > 1e-200 else 1e-200),
+    )
+    xa, xb = -start[0] * ix, (columns - start[0]) * ix
+    ya, yb = -start[1] * iy, (rows - start[1]) * iy
+    za, zb = (bottom - start[2]) * iz, (top - start[2]) * iz
+    near = max(max(min(xa, xb), min(ya, yb)), max(min(za, zb), least))
+    far = min(min(max(xa, xb), max(ya, yb)), max(za, zb))
+    met = near <= far
+    length = far - near if met else -1.0
+    near = near if met else 0.0
+    x, y, z = x if met else 0.0, y if met else 0.0, z if met else 0.0
+    return x, y, z, near, length, met

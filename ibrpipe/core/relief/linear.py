@@ -15,7 +15,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.jit import fused, inlined, kernel
-from ibrpipe.core.relief.beam import beam_start, corner_directions
+from ibrpipe.core.relief.beam import beam_start, clip_ray, corner_directions
 from ibrpipe.core.relief.pyramid import first_node
 
 #: rays that march together, and pixels of a tile
@@ -57,25 +57,8 @@ def clip_lanes(Q_of, start, x0, y0, t, bottom, top, columns, rows, buf):
     # buf (15 * PITCH,) f32: A, B, t0, t1 - t0 of the rays of a group of pixels, t1 - t0 < 0 where the box is missed;
     # s at camera depth t
     for k in range(LANES):
-        px = x0 + float(k & (ACROSS - 1)) + 0.5
-        py = y0 + float(k // ACROSS) + 0.5
-        x = Q_of[0] * px + Q_of[1] * py + Q_of[2]
-        y = Q_of[3] * px + Q_of[4] * py + Q_of[5]
-        z = Q_of[6] * px + Q_of[7] * py + Q_of[8]
-        ix, iy, iz = (
-            1.0 / (x if abs(x) > 1e-200 else 1e-200),
-            1.0 / (y if abs(y) > 1e-200 else 1e-200),
-            1.0 / (z if abs(z) > 1e-200 else 1e-200),
-        )
-        xa, xb = -start[0] * ix, (columns - start[0]) * ix
-        ya, yb = -start[1] * iy, (rows - start[1]) * iy
-        za, zb = (bottom - start[2]) * iz, (top - start[2]) * iz
-        near = max(max(min(xa, xb), min(ya, yb)), max(min(za, zb), 0.0))
-        far = min(min(max(xa, xb), max(ya, yb)), max(za, zb))
-        met = near <= far  # else all is set to nothing: no overflow, no NaN
-        length = far - near if met else -1.0
-        near = near if met else 0.0
-        x, y, z = x if met else 0.0, y if met else 0.0, z if met else 0.0
+        px, py = x0 + float(k & (ACROSS - 1)) + 0.5, y0 + float(k // ACROSS) + 0.5
+        x, y, z, near, length, met = clip_ray(Q_of, start, px, py, 0.0, columns, rows, bottom, top)
         buf[k] = start[0] + near * x if met else 0.0
         buf[PITCH + k] = start[1] + near * y if met else 0.0
         buf[2 * PITCH + k] = start[2] + near * z if met else 0.0
