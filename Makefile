@@ -9,7 +9,8 @@ demo: .venv/.ready  ## the whole job on a built-in synthetic capture; ends with 
 test: .venv/.ready  ## all tests
 	$(BIN)/python -m pytest -q
 
-# Six tests are left out, of what is compiled in the background and of the cache: with the compiler off nothing is.
+# Left out, each with its reason: a whole sweep of PatchMatch (minutes; half a sweep is in), and six tests of what is
+# compiled beforehand and cached (with the compiler off nothing is).
 plain: .venv/.ready  ## the kernels' and renderers' tests with Numba's compiler off: what they do as plain Python
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/core tests/renderers
 

@@ -7,9 +7,10 @@ import photo_twin
 import pytest
 from kernel_runs import on_all_thread_counts
 
+from ibrpipe.core.appearance.diffuse_lookup import lookup_diffuse
 from ibrpipe.modelling.diffuse import DiffuseSource
 from ibrpipe.modelling.rectangles import Rectangle
-from ibrpipe.types import LayeredDepthImage
+from ibrpipe.types import LayeredDepthImage, ParallelFrame
 
 #: three rectangles over the same volume: from below, from the side, and a perspective one
 RECTANGLES = (
@@ -90,3 +91,32 @@ def test_no_points():
     low = RECTANGLES[0]
     source = DiffuseSource((low,), [flat_layers(low, (1.0, 0, 0), np.ones(30, np.int32))])
     assert source.at(np.empty((0, 3)), np.empty((0, 3))).shape == (0, 3)
+
+
+@pytest.mark.parametrize("count", [0, 1, 200])
+def test_the_kernel_on_two_small_textures_with_holes(count):
+    frame, rng, layers = ParallelFrame((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)), np.random.default_rng(7), []
+    for shape in ((3, 4), (1, 2)):
+        counts = rng.integers(0, 3, shape)
+        ends = np.cumsum(counts).reshape(shape)
+        offsets = np.concatenate([np.r_[0, ends[:-1, -1]][:, None], ends], axis=1)
+        depth = np.concatenate([np.sort(4 * rng.random(n)) for n in counts.ravel()])
+        seen = rng.integers(0, 2, len(depth)).astype(np.int32)
+        color = rng.random((len(depth), 3))
+        layers.append(LayeredDepthImage(frame, offsets, depth, color, np.zeros_like(color), seen))
+    points, facing = rng.uniform(0, 4, (count, 3)), rng.uniform(-0.3, 1, (count, 2))
+    starts = np.array([0, len(layers[0].depth), len(layers[0].depth) + len(layers[1].depth)])
+    joint = [np.concatenate([getattr(each, name) for each in layers]) for name in ("depth", "color", "observers")]
+
+    def look_up():
+        color = np.zeros((count, 3), np.float32)
+        lookup_diffuse(
+            points, facing, np.stack([np.eye(4), np.eye(4)]), np.ones(2), tuple(each.offsets for each in layers),
+            starts, *joint, color,
+        )  # fmt: skip
+        return (color,)
+
+    (color,) = on_all_thread_counts(look_up)
+    wanted = [photo_twin.lookup_diffuse(p, f, [1.0, 1.0], layers) for p, f in zip(points, facing)]
+    np.testing.assert_allclose(color, np.reshape(wanted, (count, 3)), atol=1e-5)
+    assert count < 200 or 20 < np.isnan(color[:, 0]).sum() < 180

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernel_runs import on_all_thread_counts
 
-from ibrpipe.core.coding.slopes import REACH, slopes
+from ibrpipe.core.coding.slopes import REACH, fit_slopes, slopes
 
 
 def twin(values, there, steepest, relative):
@@ -40,3 +41,18 @@ def test_a_plane_gives_its_slopes_and_a_lone_sample_none():
         slopes(0.3 * u - 0.2 * v, there, 9, False), np.broadcast_to([0.3, -0.2], (6, 7, 2)), atol=1e-12
     )
     assert not slopes(np.ones((1, 1)), np.ones((1, 1), bool), 9, False).any()
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (0, 4), (1, 6), (7, 1), (12, 10)])
+def test_the_kernel_fills_every_sample_with_holes_and_without(shape):
+    rng = np.random.default_rng(4)
+    there, values = rng.random(shape) < 0.6, 3 + rng.random(shape)
+    values[~there] = np.nan
+
+    def fill():
+        out = np.full((*shape, 2), np.nan)
+        fit_slopes(values, there, 0.7, False, out)
+        return (out,)
+
+    (found,) = on_all_thread_counts(fill)
+    np.testing.assert_allclose(found, twin(values, there, 0.7, False), atol=1e-9)

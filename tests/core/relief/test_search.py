@@ -10,7 +10,7 @@ from relief_twin import linear_binary
 from small_fields import CAMERAS, lies_between, relief
 
 from ibrpipe.core.ldi.quadtree import EMPTY, STEPS
-from ibrpipe.core.relief import exact, linear, pyramid, shade
+from ibrpipe.core.relief import beam, exact, linear, pyramid, shade
 from ibrpipe.renderers.relief.height_fields import build_field, pairs
 from ibrpipe.types import Camera
 
@@ -154,3 +154,38 @@ def test_colours_are_means_of_the_known_corners():
         assert alpha[y, x] == seen
         want = weights @ corners[:, :3] / weights.sum() if seen else -np.ones(3)
         np.testing.assert_allclose(out[y, x], want, atol=1e-5)
+
+
+@pytest.mark.parametrize("least", [0.0, 1.5, 100.0])
+def test_a_ray_is_cut_off_where_it_passes_the_box(least):
+    rng, (columns, rows, bottom, top) = np.random.default_rng(6), (7.0, 5.0, -1.0, 2.0)
+    low, high = np.array([0.0, 0.0, bottom]), np.array([columns, rows, top])
+    met_any = missed_any = 0
+    for n in range(200):
+        start, Q_of = rng.uniform(-4, 9, 3), rng.normal(size=9) * (rng.random(9) < 0.7)
+        px, py = rng.uniform(0, 3, 2)
+        way = Q_of.reshape(3, 3) @ (px, py, 1.0)
+        ends = np.linspace(least, 40, 400_001) if n < 30 else None
+        *found, near, length, met = beam.clip_ray(Q_of, start, px, py, least, columns, rows, bottom, top)
+        enter, leave = least, np.inf
+        for axis in range(3):
+            if way[axis] == 0.0:
+                leave = leave if low[axis] <= start[axis] <= high[axis] else -np.inf
+            else:
+                one, other = (low[axis] - start[axis]) / way[axis], (high[axis] - start[axis]) / way[axis]
+                enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
+        assert met == (enter <= leave)
+        if not met:
+            assert (*found, near, length) == (0.0, 0.0, 0.0, 0.0, -1.0)
+            missed_any += 1
+            continue
+        np.testing.assert_allclose((*found, near), (*way, enter), rtol=1e-9, atol=1e-12)
+        assert length == pytest.approx(leave - enter, rel=1e-9) or not way.any()
+        if ends is not None and leave < 40:
+            points = start + ends[:, None] * way
+            inside = ends[((points >= low) & (points <= high)).all(axis=1)]
+            assert inside.min() == pytest.approx(near, abs=1e-3)
+            assert inside.max() == pytest.approx(near + length, abs=1e-3)
+        met_any += 1
+    assert missed_any > 20
+    assert met_any > 12 or least == 100.0
