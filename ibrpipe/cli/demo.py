@@ -18,6 +18,7 @@ from ibrpipe.engine.executor import executor
 from ibrpipe.engine.pipeline_file import load_pipeline
 from ibrpipe.engine.run_folder import only_run
 from ibrpipe.engine.runner import Run
+from ibrpipe.evaluation.metrics import read_metrics
 from ibrpipe.stages.registry import load_stages
 from ibrpipe.synthetic.capture import SynthConfig
 
@@ -39,9 +40,9 @@ def command(ctx: click.Context, out: Path, **shared: Any) -> None:
         click.echo(json.dumps(summary(out, done), indent=2))
         return
     paths = paths_below(out, products(load_stages()))
-    metrics = json.loads(paths["metrics"].read_text(encoding="utf-8"))
+    metrics = read_metrics(paths["metrics"])
     print_table(score_table(metrics))
-    click.echo("size: " + ", ".join(f"{name} {size(count)}" for name, count in metrics["bytes"].items()))
+    click.echo("size: " + ", ".join(f"{name} {size(count)}" for name, count in metrics.bytes.items()))
     click.echo(f"report: {paths['report'].resolve()}")
 
 

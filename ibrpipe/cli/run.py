@@ -16,6 +16,7 @@ from ibrpipe.engine.executor import executor
 from ibrpipe.engine.pipeline_file import Pipeline, load_pipeline
 from ibrpipe.engine.runner import Run, run_pipeline
 from ibrpipe.errors import ConfigError
+from ibrpipe.evaluation.metrics import read_metrics
 from ibrpipe.io.manifest import Manifest
 from ibrpipe.stages.registry import load_stages, registered
 
@@ -99,7 +100,7 @@ def summary(out: Path, done: dict[str, Manifest]) -> dict[str, Any]:
         for name, manifest in done.items()
     }
     metrics = _fresh("metrics", out, done)
-    mean = None if metrics is None else json.loads(metrics.read_text(encoding="utf-8"))["mean"]
+    mean = None if metrics is None else read_metrics(metrics).mean.model_dump(mode="json")
     return {"out": str(out), "stages": stages, "mean": mean}
 
 

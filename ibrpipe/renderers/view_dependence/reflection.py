@@ -78,8 +78,8 @@ def look_through(surface: Surface, camera: Camera, depth: Array, ids: Array, hit
         Pixels to look at.
     """
     row, column = np.nonzero(hit)
-    pixel = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], axis=1)
-    points = camera.center + depth[hit][:, None].astype(np.float64) * (pixel @ camera.world_from_pixel.T)
+    rays = camera.pixel_rays(np.stack([column, row], axis=1) + 0.5)
+    points = camera.center + depth[hit][:, None].astype(np.float64) * rays
     return look(surface, points, ids[hit].astype(np.int64), camera.center, size)
 
 

@@ -168,17 +168,17 @@ def test_a_run_without_held_out_photos_says_what_was_not_measured():
     assert "nothing of new views" in page
     assert "photo_7" in page
     assert "Speed against error" not in page
-    table = "".join(str(cell) for column in score_table(unheld().model_dump()).columns for cell in column.cells)
+    table = "".join(str(cell) for column in score_table(unheld()).columns for cell in column.cells)
     assert "33.00" in table
     assert "ulr (baseline)" in table
 
 
 def test_the_terminal_shows_the_covered_figures_first_where_there_are_no_masks():
-    headings = [str(column.header) for column in score_table(place().model_dump()).columns]
+    headings = [str(column.header) for column in score_table(place()).columns]
     assert headings[1] == "PSNR dB"
     assert headings[-1] == "whole picture dB"
-    assert next(iter(score_table(place().model_dump()).columns[1].cells)) == "30.50"
-    assert [str(column.header) for column in score_table(metrics().model_dump()).columns][-1] == "covered by all dB"
+    assert next(iter(score_table(place()).columns[1].cells)) == "30.50"
+    assert [str(column.header) for column in score_table(metrics()).columns][-1] == "covered by all dB"
 
 
 def test_uncovered_pixels_are_grey_and_have_no_difference():
