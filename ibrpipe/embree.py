@@ -40,21 +40,46 @@ class MeshCaster:
     mesh : Mesh
     threads : int
         0 = all.
+    two_sided : (F,) bool, optional
+        Faces that are hit on the side that a ray meets. `mesh` then has their backs, too, wound the other way, after
+        the faces that were given, and hits name the face of the side that was met.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    fronts : int
+        Faces that were given; those from there on are backs.
     """
 
-    def __init__(self, mesh: Mesh, threads: int = 0) -> None:
+    def __init__(self, mesh: Mesh, threads: int = 0, two_sided: Array | None = None) -> None:
         self._o3d = import_open3d()
         self._threads = threads
         self._shift = mesh.vertices.mean(axis=0)
-        self.mesh = mesh
+        self._given, self._two_sided = mesh, two_sided
+        self.fronts, self._back = len(mesh.faces), np.full(len(mesh.faces), -1, np.int32)
+        self.mesh = mesh if two_sided is None else self._with_backs(mesh, two_sided)
         self._scene = self._o3d.t.geometry.RaycastingScene(nthreads=threads)
         vertices = np.ascontiguousarray(mesh.vertices - self._shift, dtype=np.float32)
-        faces = np.ascontiguousarray(mesh.faces, dtype=np.uint32)
+        faces = np.ascontiguousarray(mesh.faces, dtype=np.uint32)  # backs are no faces of the scene
         self._scene.add_triangles(self._o3d.core.Tensor(vertices), self._o3d.core.Tensor(faces))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel to other processes as the mesh; the tree over it is built again there."""
-        return MeshCaster, (self.mesh, self._threads)
+        return MeshCaster, (self._given, self._threads, self._two_sided)
+
+    def _with_backs(self, mesh: Mesh, two_sided: Array) -> Mesh:
+        chosen = np.flatnonzero(two_sided)
+        self._back[chosen] = len(mesh.faces) + np.arange(len(chosen))
+        return Mesh(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[chosen][:, [0, 2, 1]]]))
+
+    def _met(self, face: Array, normal: Array, uv: Array, directions: Array) -> tuple[Array, Array, Array]:
+        """Take the backs of two-sided faces (..., -1 = none) where rays meet these from behind."""
+        if self._two_sided is None:
+            return face, normal, uv
+        back = np.where(face >= 0, self._back[face], -1)
+        behind = (back >= 0) & ((normal * directions).sum(axis=-1) > 0)
+        wide = behind[..., None]
+        return np.where(behind, back, face), np.where(wide, -normal, normal), np.where(wide, uv[..., ::-1], uv)
 
     def _rays(self, origins: Array, directions: Array) -> Any:
         start = np.broadcast_to(np.asarray(origins, np.float64) - self._shift, np.shape(directions))
@@ -65,12 +90,10 @@ class MeshCaster:
         found = self._scene.cast_rays(self._rays(origins, directions), nthreads=self._threads)
         face = found["primitive_ids"].numpy()
         missed = face == self._scene.INVALID_ID
-        return Hits(
-            found["t_hit"].numpy(),
-            found["primitive_normals"].numpy(),
-            np.where(missed, -1, face.astype(np.int64)).astype(np.int32),
-            found["primitive_uvs"].numpy(),
-        )
+        face = np.where(missed, -1, face.astype(np.int64)).astype(np.int32)
+        normal, uv = found["primitive_normals"].numpy(), found["primitive_uvs"].numpy()
+        face, normal, uv = self._met(face, normal, uv, directions)
+        return Hits(found["t_hit"].numpy(), normal, face, uv)
 
     def cast_all(self, origins: Array, directions: Array) -> tuple[Array, Hits]:
         """Find every intersection of (N, 3) rays: (ray index (M,) int64, hits), by ray, then t ascending."""
@@ -81,7 +104,9 @@ class MeshCaster:
         ray, t = found["ray_ids"].numpy().astype(np.int64), found["t_hit"].numpy()
         order = np.lexsort((t, ray))
         face = found["primitive_ids"].numpy().astype(np.int32)[order]
-        return ray[order], Hits(t[order], self.flat_normals[face], face, found["primitive_uvs"].numpy()[order])
+        uv, ray = found["primitive_uvs"].numpy()[order], ray[order]
+        face, normal, uv = self._met(face, self.flat_normals[face], uv, directions[ray])
+        return ray, Hits(t[order], normal, face, uv)
 
     @cached_property
     def flat_normals(self) -> Array:

@@ -226,13 +226,14 @@ def _surface_findings(
     inverted = inverted_masks(capture.root, surface.overlaps)
     if inverted:
         return inverted
-    if backs > 0.5:
-        text = f"photos see the backs of its faces ({backs:.0%} of the pixels)"
-        return [Finding("error", "inside out", file, text, "faces counter-clockwise from outside", "flip the mesh")]
     if photos and not seen:
         expected = "mesh and cameras in one world, in the same units"
         return [Finding("error", "unseen mesh", file, "no photo sees any of the mesh", expected, "align them")]
-    return [*([units] if units else []), *_thin_findings(file, coverage, limits)]
+    wound = []
+    if backs > 0.5:
+        text, expected = f"photos see the backs of its faces ({backs:.0%} of the pixels)", "counter-clockwise ones"
+        wound = [Finding("note", "inside out", file, text, expected, "nothing to do, the plan turns them")]
+    return [*([units] if units else []), *wound, *_thin_findings(file, coverage, limits)]
 
 
 def _thin_findings(file: str, surface: AuditedSurface, limits: Limits) -> list[Finding]:

@@ -61,7 +61,7 @@ def spread_points(mesh: Mesh, count: int) -> SurfacePoints:
 
 
 def seen_points(points: SurfacePoints, camera: Camera, mask: Array, caster: MeshCaster) -> Array:
-    """Say which points a photo sees: inside picture and mask, facing it, nothing in between.
+    """Say which points a photo sees from either side: inside picture and mask, not too flat, nothing in between.
 
     Parameters
     ----------
@@ -86,10 +86,12 @@ def seen_points(points: SurfacePoints, camera: Camera, mask: Array, caster: Mesh
     candidate &= mask[row, column] >= 0.5
     towards = camera.center - points.position
     distance = np.linalg.norm(towards, axis=1)
-    candidate &= (towards * points.normal).sum(axis=1) > GRAZING * distance
+    facing = (towards * points.normal).sum(axis=1)
+    candidate &= np.abs(facing) > GRAZING * distance
     index = np.flatnonzero(candidate)
     if len(index):
-        start = points.position[index] + LIFT * points.diagonal * points.normal[index]
+        side = np.where(facing[index, None] < 0, -1.0, 1.0) * points.normal[index]
+        start = points.position[index] + LIFT * points.diagonal * side
         candidate[index] = ~caster.occluded(start, camera.center - start, 0.0, 1.0)
     return candidate
 

@@ -51,6 +51,11 @@ class PhotoSet:
     def _arrays(self) -> tuple[Array, ...]:
         return self.projection, self.centers, self.sizes, self.starts, self.code, self.depth, self.mask
 
+    def pixels_of(self, photo: int) -> slice:
+        """Pixels of one photo."""
+        first = int(self.starts[photo])
+        return slice(first, first + int(np.prod(self.sizes[photo], dtype=np.int64)))
+
     def subset(self, photos: Sequence[int]) -> PhotoSet:
         """Some of the photos; pixels are shared, not copied."""
         chosen = list(photos)

@@ -1,7 +1,8 @@
 """Layered depth images as deep OpenEXR: R G B A, Z, N.x N.y N.z and how many photos gave each sample its colour.
 
 Any deep-aware compositor opens the file. Z is the depth along the frame's projection (``frame.f`` of a parallel frame,
-camera z of a perspective one); A is 0 for samples that no photo has seen. The frame stands in the header.
+camera z of a perspective one); A is the share of its texel that a sample fills, 0 for samples that no photo has seen.
+The frame stands in the header.
 """
 
 from __future__ import annotations
@@ -71,8 +72,8 @@ def write_layers(layers: LayeredDepthImage, path: Path) -> None:
 def _fill(deep: object, layers: LayeredDepthImage) -> None:
     counts = np.diff(layers.offsets, axis=1).ravel().tolist()
     observers = layers.observers if layers.observers is not None else np.ones(len(layers.depth), np.int32)
-    seen = (observers > 0).astype(np.float32)
-    table = np.column_stack([layers.color, seen, layers.depth, np.nan_to_num(layers.normal), observers])
+    filled = np.where(observers > 0, 1.0 if layers.coverage is None else layers.coverage, 0.0)
+    table = np.column_stack([layers.color, filled, layers.depth, np.nan_to_num(layers.normal), observers])
     rows = iter(table.astype(float).tolist())
     set_samples, set_value = deep.set_samples, deep.set_deep_value  # type: ignore[attr-defined]
     for pixel, count in enumerate(counts):  # all before the first value: later changes would move what is stored
@@ -125,6 +126,7 @@ def _read(path: Path) -> LayeredDepthImage:
         raise FormatError(f"{path}: damaged ({one_line(image.geterror())}); copy the asset again")
     counts, table = _table(deep, [spec.channelnames.index(name) for name in CHANNELS])
     offsets = offsets_of(counts.reshape(spec.height, spec.width))
+    filled = np.where(table[:, 8] > 0, table[:, 3], np.float32(1.0))
     return LayeredDepthImage(
         frame_from_json(json.loads(header)),
         offsets,
@@ -132,6 +134,7 @@ def _read(path: Path) -> LayeredDepthImage:
         table[:, :3],
         table[:, 5:8],
         table[:, 8].astype(np.int32),
+        None if (filled == 1).all() else filled,
     )
 
 

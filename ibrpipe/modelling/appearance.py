@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.capture.photo_set import PhotoSet
+from ibrpipe.core.appearance.depth_edges import beside_edge
 from ibrpipe.core.appearance.shift_range import range_around
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.core.normals import face_normals
@@ -131,6 +132,18 @@ def photo_spacing(photos: PhotoSet, center: Array) -> float:
     cosine = toward @ toward.T
     np.fill_diagonal(cosine, -1.0)
     return float(np.degrees(np.median(np.arccos(np.clip(cosine.max(axis=1), -1, 1)))))
+
+
+def edge_share(photos: PhotoSet) -> float:
+    """Share of the photos' pixels, inside their masks, that have a neighbour on another surface or outside the mask."""
+    edges, count = 0, 0
+    for p, camera in enumerate(photos.cameras):
+        own, shape = photos.pixels_of(p), (camera.height, camera.width)
+        mask = photos.mask[own].reshape(shape)
+        inside = mask >= 0.5
+        edges += int((beside_edge(photos.depth[own].reshape(shape), mask) & inside).sum())
+        count += int(inside.sum())
+    return edges / max(count, 1)
 
 
 def appearance(

@@ -14,6 +14,7 @@ from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.modelling.plan_file import TexturePlan
 from ibrpipe.modelling.rectangles import Rectangle, distinct
+from ibrpipe.modelling.rims import Fronts, has_partner, meet_fronts, with_rims
 from ibrpipe.types import Array, LayeredDepthImage
 
 #: normals are rounded to this many steps per unit: a power of two, so that they compress well
@@ -85,54 +86,34 @@ def build_layers(
         Samples, layers, share seen by photos, depth range.
     """
     plan = plans[which]
-    origins, directions = plan.rectangle.rays()
-    ray, hits = caster.cast_all(origins, directions)
-    points = origins[ray] + hits.t[:, None].astype(np.float64) * directions[ray]
-    normals = caster.smooth_normals(hits.face, hits.uv)
+    fronts = meet_fronts(plan.rectangle, caster)
+    fronts = with_rims(fronts, plan.rectangle, caster) if plan.coverage else fronts
     rectangles, limits = [p.rectangle for p in plans], [p.max_angle_deg for p in plans]
-    keep = keep_rule(which, rectangles, limits, points, normals)
-    front = (hits.t > 0) & ((hits.normal * directions[ray]).sum(axis=1) < 0)
-    kept = np.flatnonzero(with_rim(keep & front, front, ray, points, normals, plan.rectangle))
-    kept = kept[distinct(ray[kept], hits.t[kept], plan.rectangle.texel)]
-    kept = kept[first_of_each(ray[kept], plan.max_layers)]
-    ray, depth, points, normals = ray[kept], hits.t[kept], points[kept], normals[kept]
-    color, _, observers = photos.diffuse(points, normals, config.bins, STATISTICS[config.statistic])
+    keep = keep_rule(which, rectangles, limits, fronts.points, fronts.normals)
+    fronts = fronts[with_rim(keep, fronts, plan.rectangle)]
+    fronts = fronts[distinct(fronts.ray, fronts.depth, plan.rectangle.texel)]
+    fronts = fronts[first_of_each(fronts.ray, plan.max_layers)]
+    color, _, observers = photos.diffuse(fronts.points, fronts.normals, config.bins, STATISTICS[config.statistic])
     color[observers == 0] = 0.0
+    # second sides, and what fills less than half of its texel, are only where photos see them
+    there = (observers > 0) | ((fronts.face < caster.fronts) & (fronts.coverage >= 0.5))
+    fronts, color, observers = fronts[there], color[there], observers[there]
+    ray, depth, normals = fronts.ray, fronts.depth, fronts.normals
     texel = float(np.linalg.norm(plan.rectangle.u)) / plan.rectangle.width
     depth = quantize(depth, enough_bits(depth, texel) if config.depth_bits == "auto" else config.depth_bits)
     normals = np.round(normals * NORMAL_STEPS) / np.float32(NORMAL_STEPS)
     height, width = plan.rectangle.height, plan.rectangle.width
     flat = np.searchsorted(ray, np.arange(height * width + 1)).astype(np.int64)
     offsets = np.concatenate([flat[:-1].reshape(height, width), flat[width::width][:, None]], axis=1)
-    layers = LayeredDepthImage(plan.rectangle.frame, offsets, depth, color, normals, observers)
+    coverage = fronts.coverage if plan.coverage else None
+    layers = LayeredDepthImage(plan.rectangle.frame, offsets, depth, color, normals, observers, coverage)
     return layers, describe(plan, layers)
 
 
-def with_rim(keep: Array, front: Array, ray: Array, points: Array, normals: Array, rectangle: Rectangle) -> Array:
-    """Add to the kept samples those one texel further on the same surface, so that textures overlap where they meet.
-
-    Parameters
-    ----------
-    keep, front : (N,) bool
-        Samples that are kept; samples that may be.
-    ray : (N,) texel of each sample, ascending
-    points, normals : (N, 3) world
-    """
-    kept, spare = np.flatnonzero(keep), np.flatnonzero(front & ~keep)
-    column = ray[spare] % rectangle.width
-    found = np.zeros(len(spare), bool)
-    for dv, du in ((0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)):
-        inside = (column + du >= 0) & (column + du < rectangle.width)
-        target = ray[spare] + dv * rectangle.width + du
-        at, end = np.searchsorted(ray[kept], target), np.searchsorted(ray[kept], target, side="right")
-        while len(trial := np.flatnonzero(inside & ~found & (at < end))):
-            own, other = spare[trial], kept[at[trial]]
-            apart = points[other] - points[own]
-            off = np.minimum(np.abs((apart * normals[own]).sum(axis=1)), np.abs((apart * normals[other]).sum(axis=1)))
-            found[trial] = off <= rectangle.texel
-            at[trial] += 1
-    result = keep.copy()
-    result[spare[found]] = True
+def with_rim(keep: Array, fronts: Fronts, rectangle: Rectangle) -> Array:
+    """Add to the kept samples (N,) bool those one texel further on the same surface, so that textures overlap."""
+    result, spare = keep.copy(), np.flatnonzero(~keep)
+    result[spare] = has_partner(fronts[spare], fronts[keep], rectangle, False).any(axis=1)
     return result
 
 

@@ -19,12 +19,13 @@ SCHEMA = 1
 
 @dataclass(frozen=True, eq=False)
 class TexturePlan:
-    """What is to be modelled on one support rectangle."""
+    """What is to be modelled on one support rectangle; with `coverage` how far rims fill their texels, too."""
 
     rectangle: Rectangle
     max_angle_deg: float
     max_layers: int
     components: tuple[PlannedComponent, ...] = ()
+    coverage: bool = False
 
     def component(self, kind: str) -> PlannedComponent | None:
         """Return what is planned of a kind of view dependence; None = nothing."""
@@ -47,6 +48,7 @@ def write_plan(plans: Sequence[TexturePlan], reasons: Sequence[Told], path: Path
             **plan.rectangle.as_json(),
             max_angle_deg=plan.max_angle_deg,
             max_layers=plan.max_layers,
+            coverage=plan.coverage,
             components=list(plan.components),
         )
         for plan in plans
@@ -81,4 +83,5 @@ def read_plan(path: Path) -> list[TexturePlan]:
 
 def _plan_of(texture: PlannedTexture) -> TexturePlan:
     rectangle = Rectangle.from_json(texture.model_dump())
-    return TexturePlan(rectangle, texture.max_angle_deg, texture.max_layers, tuple(texture.components))
+    components = tuple(texture.components)
+    return TexturePlan(rectangle, texture.max_angle_deg, texture.max_layers, components, texture.coverage)

@@ -19,6 +19,7 @@ from ibrpipe.modelling.appearance import (
     Appearance,
     SurfaceSample,
     appearance,
+    edge_share,
     photo_spacing,
     sample_surface,
     sampling_density,
@@ -35,10 +36,14 @@ from ibrpipe.modelling.rectangles import (
     distinct,
     sized,
 )
+from ibrpipe.modelling.sides import TwoSided
 from ibrpipe.modelling.trial import try_out
 from ibrpipe.modelling.view_dependence.fitter import Fitter
 from ibrpipe.modelling.view_dependence.spiral_plan import SPIRAL, SpiralPlan
 
+#: share of the photos' pixels at edges from which on rims have coverage (vase, demo and wall: 0.03 to 0.06, photos of
+#: 96 x 72 pixels 0.23; the plant 0.36)
+EDGES = 0.25
 #: spiral densities to choose from; coarser ones lose highlights (1/16 costs 0.7 dB on photos 22 degrees apart)
 DENSITIES = (1 / 24, 1 / 32)
 
@@ -67,6 +72,16 @@ class PlanConfig(StageConfig):
         gt=0,
         le=90,
         description="Surfaces tilted further than this (degrees) go to a texture that faces them better",
+    )
+    two_sided: TwoSided = Field(
+        "auto",
+        description="auto: pieces of the mesh that photos see from behind, too, get both sides; always: all that are "
+        "not closed; never: none",
+    )
+    coverage: Literal["auto", "always", "never"] = Field(
+        "auto",
+        description="Whether samples at rims hold which share of their texel they fill; auto: where many pixels of the "
+        "photos lie at edges, as with leaves and wires",
     )
     max_layers: int = Field(64, ge=1, le=256, description="Layers per texture at the most")
     residuals: Literal["auto", "always", "never"] = Field(
@@ -213,6 +228,21 @@ def choose_residuals(name: str, found: Appearance, config: PlanConfig) -> tuple[
     return choice, reason(f"residuals of {name}", choice, why, **figures)
 
 
+def choose_coverage(config: PlanConfig, photos: PhotoSet) -> tuple[bool, Told]:
+    """Decide by the photos' pixels at edges whether samples at rims hold which share of their texel they fill."""
+    share = edge_share(photos)
+    if config.coverage != "auto":
+        return config.coverage == "always", reason(
+            "coverage of rims", config.coverage == "always", "set by the pipeline file", edge_pixels=round(share, 4)
+        )
+    choice = share >= EDGES
+    why = (
+        f"{100 * share:.0f} % of the photos' pixels lie at edges of surfaces; from {100 * EDGES:.0f} % on, as with "
+        "leaves and wires, samples there hold which share of their texel they fill"
+    )
+    return choice, reason("coverage of rims", choice, why, edge_pixels=round(share, 4))
+
+
 def choose_k(config: PlanConfig, photos: PhotoSet, center: np.ndarray) -> tuple[float, Told]:
     """Choose the coarsest density of `DENSITIES` whose pitch is no wider than the angle between photos."""
     spacing = photo_spacing(photos, center)
@@ -257,7 +287,8 @@ def make_plan(
     if not rectangles:
         raise CaptureError("no photo sees surface that faces any support rectangle; turn them round or move them")
     k, k_reason = choose_k(config, photos, caster.mesh.vertices.mean(axis=0))
-    reasons += [*dropped, k_reason]
+    coverage, coverage_reason = choose_coverage(config, photos)
+    reasons += [*dropped, k_reason, coverage_reason]
     found = appearance(rectangles, caster, photos, seed, config.shift)
     plans = []
     for rectangle, measured in zip(rectangles, found, strict=True):
@@ -265,7 +296,7 @@ def make_plan(
         residuals, why_residuals = choose_residuals(rectangle.name, measured, config)
         reasons += [why_layers, why_residuals]
         spiral = (SpiralPlan(k=k, residual_scale=config.residual_scale),) if residuals else ()
-        plans.append(TexturePlan(rectangle, config.max_angle, layers, (*spiral, *config.components)))
+        plans.append(TexturePlan(rectangle, config.max_angle, layers, (*spiral, *config.components), coverage))
     if config.reflection == "never" or config.residuals != "auto" or config.components:
         return plans, reasons
     trial = try_out(plans, caster, photos, seed, 2 if any(plan.components for plan in plans) else 0)

@@ -101,7 +101,12 @@ class Rectangle:
 
     def rays(self) -> tuple[Array, Array]:
         """Origins and directions (H * W, 3) float64 through the texel centres; t along them is the layer's depth."""
-        c, r = np.meshgrid((np.arange(self.width) + 0.5) / self.width, (np.arange(self.height) + 0.5) / self.height)
+        column, row = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
+        return self.rays_at(column.ravel(), row.ravel())
+
+    def rays_at(self, column: Array, row: Array) -> tuple[Array, Array]:
+        """Origins and directions (N, 3) float64 through places (N,) of the picture, texels, as those of `rays`."""
+        c, r = column / self.width, row / self.height
         points = self.origin + c.reshape(-1, 1) * self.u + r.reshape(-1, 1) * self.v
         if self.center is None:
             return points, np.broadcast_to(self.f, points.shape)

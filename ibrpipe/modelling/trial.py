@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibrpipe.capture.photo_set import PhotoSet
+from ibrpipe.core.appearance.depth_edges import beside_edge
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.embree import MeshCaster
 from ibrpipe.modelling.diffuse_refinement import sample_points, sharpen
@@ -27,7 +28,6 @@ from ibrpipe.modelling.view_dependence.reflection.fit import FitRules, fit, make
 from ibrpipe.modelling.view_dependence.reflection.observations import (
     Observations,
     agreed,
-    beside_edge,
     join,
     observe_pixels,
     observe_texels,
@@ -48,6 +48,8 @@ MARGIN = 2
 RARELY_SEEN = 3.0
 #: the lumigraph is not expected to gain more by halving the angle between photos, dB (3.6 on a mirroring vase)
 STEEPEST = 3.5
+#: loss of one table against none up to which two are tried, dB
+NEARLY = 0.5
 #: names of what is tried
 MEDIAN, SHARPENED, LUMIGRAPH, THIN = "median", "sharpened", "lumigraph", "thinned lumigraph"
 TABLES = ("joint", "1 table", "2 tables")
@@ -288,7 +290,11 @@ def _fit_and_score(
     rules: FitRules,
     most: int,
 ) -> None:
-    """Fit ever more tables while they help, and score each."""
+    """Fit ever more tables while they help, or nearly do, and score each.
+
+    Where some is matt and some is glossy one table, which all of it must show, may cost as much as it brings, and two,
+    which every sample weighs, may pay.
+    """
     surface = ground.surface
     seen = observe_pixels(ground.scene, surface, kept, rules.size, wanted=ground.wanted)
     rare = ground.chosen & (seen_weight(seen, surface.corners, len(ground.points)) < RARELY_SEEN)
@@ -298,7 +304,7 @@ def _fit_and_score(
     first = np.where(np.isfinite(first), first, ground.colors)  # elsewhere the median stays, for what is mirrored
     for tables, name in enumerate(TABLES[: most + 1]):
         _score_model(trial, name, tests, plans, fit(observations, surface.corners, first, tables, rules), surface)
-        if trial.best_tables() < tables:
+        if trial.best_tables() < tables and trial.psnr(name) < trial.psnr(TABLES[0]) - NEARLY:
             break
 
 

@@ -108,7 +108,7 @@ class PatchField:
     masks : (P,) uint8, which corners are samples
     cells : (P, 2) int32, column and row
     samples : (P, 4) int32, -1 = none
-    color : (S, 4) float32, linear; fourth 1 where the colour is known, 0 where no photo saw the sample
+    color : (S, 4) float32, linear; fourth the coverage of the sample's texel, 0 where no photo saw the sample
     """
 
     pose: Pose
@@ -171,6 +171,14 @@ def field_pose(frame: ParallelFrame | Camera, first: float) -> Pose:
     return Pose(linear, frame.origin, shift, False)
 
 
+def texel_size(field: PatchField) -> float:
+    """Width of a texel on the surface of a layered image, scene units."""
+    if not field.pose.perspective:
+        return float(np.linalg.norm(np.linalg.inv(field.pose.linear[:3])[:, 0]))
+    width = float(np.linalg.norm(np.linalg.inv(field.pose.linear[[0, 1, 3]])[:, 0]))
+    return width * float(np.median(-1.0 / field.corners)) if len(field.corners) else width
+
+
 def _height_field(source: ReliefTexture) -> HeightField:
     rows, columns = source.height.shape[0] - 1, source.height.shape[1] - 1
     blocks = (-(-rows // project_heights.BLOCK_ROWS), -(-columns // project_heights.BLOCK_COLUMNS))
@@ -216,7 +224,8 @@ def _patch_field(layers: LayeredDepthImage, gap: float) -> PatchField:
     columns = layers.shape[1] + 1
     cells = np.stack([cell % columns, cell // columns], axis=1).astype(np.int32)
     seen = np.ones(len(depth)) if layers.observers is None else layers.observers > 0
-    color = np.column_stack([layers.color, seen]).astype(np.float32)
+    filled = seen if layers.coverage is None else seen * layers.coverage
+    color = np.column_stack([layers.color, filled]).astype(np.float32)
     return PatchField(field_pose(layers.frame, -0.5), corners, masks, cells, samples, color)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ibrpipe.core.ldi import shade
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.fields import HeightField, PatchField, build_field
+from ibrpipe.renderers.fields import HeightField, PatchField, build_field, texel_size
 from ibrpipe.renderers.search.epipolar_lines import Map, height_map
 from ibrpipe.renderers.search.patches import Blocks, pack_blocks
 from ibrpipe.renderers.search.quadtree import Sheet, build_sheets
@@ -46,6 +46,16 @@ class Scene:
     def cells(self) -> int:
         """Cells and patches of all fields."""
         return int(self.firsts[-1]) + sum(field.cells for _, field, _ in self.heights)
+
+    @cached_property
+    def soft(self) -> bool:
+        """Some samples of layered images fill only a part of their texel."""
+        return any(bool(((field.color[:, 3] > 0) & (field.color[:, 3] < 1)).any()) for _, field in self.patches)
+
+    @cached_property
+    def texel(self) -> float:
+        """Width of a texel on the surface of layered images, scene units, the median over them; 0 without any."""
+        return float(np.median([texel_size(field) for _, field in self.patches])) if self.patches else 0.0
 
     @cached_property
     def firsts(self) -> Array:

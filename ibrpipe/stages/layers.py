@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ibrpipe.capture.photo_set import load_photos
-from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.layers import write_layers
 from ibrpipe.io.surfaces.meshes import read_mesh
@@ -15,6 +14,7 @@ from ibrpipe.modelling.diffuse_refinement import sharpen
 from ibrpipe.modelling.layers import STATISTICS, LayersConfig, build_layers, rounded
 from ibrpipe.modelling.layers_document import Layers, LayersFigures
 from ibrpipe.modelling.plan_file import read_plan
+from ibrpipe.modelling.sides import caster_of
 from ibrpipe.modelling.unseen import close_gaps
 from ibrpipe.progress import track
 
@@ -27,6 +27,7 @@ class Inputs:
     mesh: Path
     plan: Path
     out: Path
+    sides: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def run(inputs: Inputs, config: LayersConfig) -> Outputs:
     """
     plans = read_plan(inputs.plan)
     views = read_views(inputs.views)
-    caster = MeshCaster(read_mesh(inputs.mesh))
+    caster = caster_of(read_mesh(inputs.mesh), inputs.sides)
     photos = load_photos(views.train, caster)
     built = [build_layers(which, plans, caster, photos, config) for which in track(range(len(plans)), "layers")]
     plain, rectangles = [not plan.components for plan in plans], [plan.rectangle for plan in plans]

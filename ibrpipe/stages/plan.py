@@ -14,6 +14,7 @@ from ibrpipe.io.views import read_views
 from ibrpipe.modelling.frusta import write_frusta
 from ibrpipe.modelling.plan_file import write_plan
 from ibrpipe.modelling.planning import PlanConfig, make_plan
+from ibrpipe.modelling.sides import find_sides, write_sides
 
 
 @dataclass(frozen=True)
@@ -28,19 +29,27 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Outputs(StageOutputs):
-    """`plan.json`: textures, and the reason for every choice; `frusta.yaml` where there are perspective images."""
+    """`plan.json`: textures, and the reason for every choice.
+
+    `frusta.yaml` where there are perspective images, `sides.npz` where faces have two sides or were turned.
+    """
 
     plan: Path = artifact("plan.json", "plan.json of the plan stage.", Plan)
     frusta: Path | None = artifact("frusta.yaml", "Frusta of the perspective images.", optional=True)
+    sides: Path | None = artifact("sides.npz", "Sides of the mesh's faces.", optional=True)
 
 
 def run(inputs: Inputs, config: PlanConfig) -> Outputs:
     """Measure the photos against the mesh and write the plan."""
-    caster = MeshCaster(read_mesh(inputs.mesh))
-    photos = load_photos(read_views(inputs.views).train, caster)
-    plans, reasons = make_plan(caster, photos, config, inputs.seed)
+    mesh = read_mesh(inputs.mesh)
+    photos = load_photos(read_views(inputs.views).train, MeshCaster(mesh))
+    sides, told = find_sides(mesh, photos, config.two_sided)
+    plans, reasons = make_plan(sides.caster(mesh), photos, config, inputs.seed)
     outputs = Outputs.below(inputs.out)
-    write_plan(plans, reasons, outputs.plan)
+    write_plan(plans, [told, *reasons], outputs.plan)
+    if outputs.sides is not None and not sides.plain:
+        write_sides(sides, outputs.sides)
+        (inputs.out / "summary.txt").write_text(f"{told['what']}: {told['reason']}\n", encoding="utf-8")
     frusta = [plan.rectangle.frustum for plan in plans if plan.rectangle.frustum]
     if frusta and outputs.frusta is not None:
         write_frusta(frusta, outputs.frusta)

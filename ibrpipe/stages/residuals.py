@@ -22,6 +22,7 @@ class Inputs:
     plan: Path
     layers: Path
     out: Path
+    sides: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def run(inputs: Inputs, config: ResidualsConfig) -> Outputs:
     ConfigError
         The plan wants a kind that is not known or that the pipeline cannot make.
     """
-    sources = Sources(inputs.views, inputs.mesh, inputs.plan, inputs.layers)
+    sources = Sources(inputs.views, inputs.mesh, inputs.plan, inputs.layers, inputs.sides)
     plans = read_plan(inputs.plan)
     kinds = dict.fromkeys(component.kind for plan in plans for component in plan.components)
     fitted = [fit_components(FitJob(kind, sources, plans, config, inputs.out)) for kind in kinds]

@@ -25,6 +25,7 @@ from ibrpipe.synthetic.photograph import Photo, Truth, measure_truth, take_photo
 from ibrpipe.synthetic.rig import cameras_around, jittered, photo_directions, test_directions
 from ibrpipe.synthetic.scene import Scene, StagedScene, prepare_scene
 from ibrpipe.synthetic.scenes import make_scene
+from ibrpipe.synthetic.surfaces import Winding, wound
 from ibrpipe.types import Array, Camera
 from ibrpipe.version import VERSION
 
@@ -52,6 +53,11 @@ class SynthConfig(StageConfig):
         default=True, description="State the cameras; without, they go to truth/ and there are no test views"
     )
     mesh: bool = Field(default=True, description="Give the mesh; without, it goes to truth/")
+    winding: Winding = Field(
+        default="consistent",
+        description="How the given mesh winds its faces: counter-clockwise from outside, all the other way round "
+        "(inverted), or every other one by chance (mixed)",
+    )
 
     @property
     def measured(self) -> int:
@@ -123,7 +129,8 @@ def _fill(folder: Path, scene: Scene, config: SynthConfig) -> None:
     truth = folder / "truth"
     if not (config.cameras and config.mesh):
         truth.mkdir()
-    write_mesh(staged.caster.mesh, (folder if config.mesh else truth) / "mesh.ply")
+    given = wound(staged.caster.mesh, config.winding, np.random.default_rng([config.seed, 3]))
+    write_mesh(given, (folder if config.mesh else truth) / "mesh.ply")
     photos, tests = plan_views(staged, config)
     _write_cameras(folder if config.cameras else truth, photos, "mesh.ply" if config.mesh else None)
     _make_folders(folder)

@@ -46,8 +46,8 @@ def _hits(staged: StagedScene, camera: Camera, x: Array, y: Array) -> tuple[Arra
     hits = staged.caster.cast(camera.center, rays)
     hit = np.flatnonzero(hits.face >= 0)
     depth, rays = hits.t[hit].astype(np.float64), rays[hit]
-    samples = surface_samples(staged, camera.center + depth[:, None] * rays, hits.face[hit], hits.uv[hit])
-    return hit, depth, samples, -rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    points, to_eye = camera.center + depth[:, None] * rays, -rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    return hit, depth, surface_samples(staged, points, hits.face[hit], hits.uv[hit], to_eye), to_eye
 
 
 def _backdrop(scene: Scene, camera: Camera) -> Array:

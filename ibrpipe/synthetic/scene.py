@@ -34,12 +34,18 @@ class Gloss:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One surface of a scene, its paint and its coat (None = purely diffuse)."""
+    """One surface of a scene, its paint and its coat (None = purely diffuse).
+
+    Attributes
+    ----------
+    back : what a sheet shows from behind; None = a closed body, or a sheet that nobody sees from behind
+    """
 
     name: str
     shape: SmoothMesh
     paint: Paint
     gloss: Gloss | None = None
+    back: Paint | None = None
 
 
 @dataclass(frozen=True)
@@ -91,8 +97,8 @@ class StagedScene:
     caster : MeshCaster
         Of all parts together; vertices are rounded to float32 so that the mesh file is the truth.
     normals : (V, 3) float64
-    openness : (V,) float64
-        Share of the (cosine-weighted) sky that the scene itself does not hide.
+    openness, back_openness : (V,) float64
+        Share of the (cosine-weighted) sky that the scene itself does not hide, before and behind the surface.
     part : (F,) int32
         Part of each triangle.
     """
@@ -101,17 +107,26 @@ class StagedScene:
     caster: MeshCaster
     normals: Array
     openness: Array
+    back_openness: Array
     part: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Surface points that rays have met: `points`, `normals` (N, 3) float64, `openness` (N,), `part` (N,)."""
+    """Surface points that rays have met.
+
+    Attributes
+    ----------
+    points, normals : (N, 3) float64; normals are those of the side that is seen
+    openness, part : (N,)
+    behind : (N,) bool, a sheet is seen from behind
+    """
 
     points: Array
     normals: Array
     openness: Array
     part: Array
+    behind: Array
 
 
 def joined_mesh(parts: tuple[Part, ...]) -> tuple[Mesh, Array]:
@@ -128,11 +143,16 @@ def prepare_scene(scene: Scene, occlusion_rays: int = 64) -> StagedScene:
     mesh, owner = joined_mesh(scene.parts)
     caster = MeshCaster(mesh)
     normals = np.concatenate([part.shape.normals for part in scene.parts])
-    return StagedScene(scene, caster, normals, _openness(caster, normals, occlusion_rays), owner)
+    openness = _openness(caster, caster.mesh.vertices, normals, occlusion_rays)
+    back = np.ones(len(normals))
+    sheet = np.repeat([part.back is not None for part in scene.parts], [len(p.shape.normals) for p in scene.parts])
+    if sheet.any():
+        back[sheet] = _openness(caster, caster.mesh.vertices[sheet], -normals[sheet], occlusion_rays)
+    return StagedScene(scene, caster, normals, openness, back, owner)
 
 
-def _openness(caster: MeshCaster, normals: Array, rays: int) -> Array:
-    """Share of `rays` cosine-weighted directions (a Fibonacci disc, the same for every vertex) that meet nothing."""
+def _openness(caster: MeshCaster, points: Array, normals: Array, rays: int) -> Array:
+    """Share of `rays` cosine-weighted directions (a Fibonacci disc, the same for every point) that meet nothing."""
     openness = np.zeros(len(normals))
     if rays == 0:
         return openness + 1.0
@@ -141,7 +161,7 @@ def _openness(caster: MeshCaster, normals: Array, rays: int) -> Array:
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     y = np.cross(normals, x)
     size = float(np.ptp(caster.mesh.vertices, axis=0).max())
-    start = caster.mesh.vertices + (2e-3 * size) * normals
+    start = points + (2e-3 * size) * normals
     for i in range(rays):
         radius, angle = np.sqrt((i + 0.5) / rays), i * np.pi * (3.0 - np.sqrt(5.0))
         up = np.sqrt(1.0 - radius**2)
@@ -150,23 +170,35 @@ def _openness(caster: MeshCaster, normals: Array, rays: int) -> Array:
     return openness / rays
 
 
-def surface_samples(staged: StagedScene, points: Array, face: Array, uv: Array) -> Samples:
-    """Interpolate what is known at the vertices to points (N, 3) at barycentric `uv` (N, 2) of triangles (N,)."""
+def surface_samples(staged: StagedScene, points: Array, face: Array, uv: Array, to_eye: Array | None = None) -> Samples:
+    """Interpolate what is known at the vertices to points (N, 3) at barycentric `uv` (N, 2) of triangles (N,).
+
+    Sheets show their back where the direction to the eye, (N, 3), lies behind them; None = all are seen from before.
+    """
     corners = staged.caster.mesh.faces[face]
     u, v = uv.astype(np.float64).T
     weights = np.stack([1.0 - u - v, u, v], axis=1)
     normals = sum(weights[:, i : i + 1] * staged.normals[corners[:, i]] for i in range(3))
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    openness = (weights * staged.openness[corners]).sum(axis=1)
-    return Samples(points, normals, openness, staged.part[face])
+    openness, part = (weights * staged.openness[corners]).sum(axis=1), staged.part[face]
+    behind = np.zeros(len(points), bool)
+    if to_eye is not None:
+        sheets = np.array([each.back is not None for each in staged.scene.parts])
+        behind = sheets[part] & ((staged.caster.flat_normals[face] * to_eye).sum(axis=1) < 0)
+        openness = np.where(behind, (weights * staged.back_openness[corners]).sum(axis=1), openness)
+        normals = np.where(behind[:, None], -normals, normals)
+    return Samples(points, normals, openness, part, behind)
 
 
 def albedo(scene: Scene, samples: Samples) -> Array:
     """Linear diffuse reflectance (N, 3) of surface samples."""
     colors = np.zeros_like(samples.points)
     for index, part in enumerate(scene.parts):
-        mine = samples.part == index
+        mine = np.asarray(samples.part == index) & ~samples.behind
         colors[mine] = part.paint(samples.points[mine])
+        if part.back is not None:
+            behind = np.asarray(samples.part == index) & samples.behind
+            colors[behind] = part.back(samples.points[behind])
     return colors
 
 

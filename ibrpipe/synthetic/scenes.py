@@ -1,4 +1,4 @@
-"""The built-in scenes: a glossy ball with a ring around it, a carved matt wall, and a plain ball for exact tests."""
+"""The built-in scenes: a glossy ball and a ring, a carved matt wall, a potted plant, and a plain ball for tests."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ibrpipe.errors import ConfigError
+from ibrpipe.synthetic import foliage as plant
 from ibrpipe.synthetic.light import Lamp, SoftBox, Studio
 from ibrpipe.synthetic.paints import BandedRing, DarkRing, carved_stone, glazed_ball
 from ibrpipe.synthetic.scene import Gloss, Part, Rig, Scene
@@ -88,6 +89,30 @@ def lambert(detail: float = 1.0) -> Scene:
     )
 
 
+def foliage(detail: float = 1.0) -> Scene:
+    """Return a matt plant of single-sheet leaves in a glazed pot and a cage of wires: two-sided and thin things."""
+    sheets = [
+        Part(f"leaf {n}", sheet(leaf.surface, _cells(14, detail), _cells(26, detail)), leaf.front, back=leaf.back)
+        for n, leaf in enumerate(plant.leaves())
+    ]
+    wires = [
+        Part(name, tube(wire, _cells(200, detail), _cells(10, detail)), plant.paint_wire) for name, wire in plant.cage()
+    ]
+    return Scene(
+        "foliage",
+        "a plant of single-sheet leaves in a glazed pot, in a wire cage: both sides of sheets, thin things",
+        (
+            Part("pot", ball(plant.pot, _cells(120, detail), _cells(110, detail)), plant.paint_pot, GLAZE),
+            Part("soil", ball(plant.soil, _cells(60, detail), _cells(30, detail)), plant.paint_soil),
+            Part("stem", ball(plant.stem, _cells(16, detail), _cells(60, detail)), plant.paint_stem),
+            *sheets,
+            *wires,
+        ),
+        STUDIO,
+        Rig(elevations_deg=(-24.0, 60.0), rings=5),
+    )
+
+
 def plain_ball(detail: float = 1.0) -> Scene:
     """Return a glossy unit ball whose depth and colour are known in closed form."""
     shape = ball(lobed_ball(1.0, 1, 0.0, 1.0), _cells(360, detail), _cells(180, detail))
@@ -95,7 +120,12 @@ def plain_ball(detail: float = 1.0) -> Scene:
     return Scene("ball", "a glossy unit ball: depth and colour in closed form", (part,), STUDIO)
 
 
-_SCENES: dict[str, Callable[[float], Scene]] = {"glossy": glossy, "lambert": lambert, "ball": plain_ball}
+_SCENES: dict[str, Callable[[float], Scene]] = {
+    "glossy": glossy,
+    "lambert": lambert,
+    "foliage": foliage,
+    "ball": plain_ball,
+}
 
 
 def scene_names() -> tuple[str, ...]:
@@ -108,7 +138,7 @@ def make_scene(name: str, detail: float = 1.0) -> Scene:
 
     Parameters
     ----------
-    name : "glossy", "lambert" or "ball"
+    name : "glossy", "lambert", "foliage" or "ball"
     detail : multiplies the number of triangles along either parameter of every surface
 
     Raises

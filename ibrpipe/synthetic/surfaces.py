@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from ibrpipe.types import Array, Mesh
 
 #: step of the central differences, in units of the surface parameters
 _STEP = 1e-5
+
+#: how faces are wound: counter-clockwise seen from outside, or not
+Winding = Literal["consistent", "inverted", "mixed"]
 
 #: maps parameters u, v (any shape) to points (..., 3)
 Surface = Callable[[Array, Array], Array]
@@ -81,6 +85,14 @@ def ball(surface: Surface, columns: int, rows: int) -> SmoothMesh:
     south = np.stack([np.zeros(columns, int), indices[0, 1:], indices[0, :-1]], axis=1)
     north = np.stack([np.full(columns, len(vertices) - 1), indices[-1, :-1], indices[-1, 1:]], axis=1)
     return SmoothMesh(Mesh(vertices, np.concatenate([south, _grid_faces(indices), north])), normals)
+
+
+def wound(mesh: Mesh, winding: Winding, random: np.random.Generator) -> Mesh:
+    """Return a mesh whose faces are as they are, all reversed, or each reversed by chance."""
+    if winding == "consistent":
+        return mesh
+    turned = np.ones(len(mesh.faces), bool) if winding == "inverted" else random.random(len(mesh.faces)) < 0.5
+    return Mesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces))
 
 
 def lobed_ball(radius: float, lobes: int, depth: float, squash: float) -> Surface:

@@ -38,6 +38,18 @@ def single_layer(
     return LayeredDepthImage(frame, offsets_of(there), depth[there], color[there], known, observers)
 
 
+def opaque(layers: LayeredDepthImage) -> LayeredDepthImage:
+    """Return layers whose samples fill their texels, without those that fill less than half: for sharp edges."""
+    if layers.coverage is None:
+        return layers
+    kept = layers.coverage >= 0.5
+    ends = np.concatenate([[0], np.cumsum(kept, dtype=np.int64)])
+    observers = None if layers.observers is None else layers.observers[kept]
+    return LayeredDepthImage(
+        layers.frame, ends[layers.offsets], layers.depth[kept], layers.color[kept], layers.normal[kept], observers
+    )
+
+
 def pitch_of(layers: LayeredDepthImage) -> float:
     """Return the width of a texel, scene units; of a perspective frame that of the nearest sample, 1 without any."""
     if isinstance(layers.frame, Camera):

@@ -83,6 +83,8 @@ class LayeredDepthImage:
     normal : (S, 3) float32, unit, world space; NaN where unknown
     observers : (S,) int32 or None
         How many photos the colour comes from; 0 = declared as unseen.
+    coverage : (S,) float32 or None
+        Share of its texel that the surface of a sample fills, above 0 and up to 1; None = all of it everywhere.
     """
 
     frame: ParallelFrame | Camera
@@ -91,6 +93,7 @@ class LayeredDepthImage:
     color: Array
     normal: Array
     observers: Array | None = None
+    coverage: Array | None = None
 
     def __post_init__(self) -> None:
         offsets = contiguous("offsets", self.offsets, np.int64, 2)
@@ -120,6 +123,13 @@ class LayeredDepthImage:
             object.__setattr__(self, name, value)
         if self.observers is not None:
             object.__setattr__(self, "observers", contiguous("observers", self.observers, np.int32, 1))
+        if self.coverage is not None:
+            coverage = contiguous("coverage", self.coverage, np.float32, 1)
+            if coverage.shape != depth.shape:
+                raise ShapeError(f"coverage must be ({len(depth)},), one a sample, got {coverage.shape}")
+            if not ((coverage > 0) & (coverage <= 1)).all():
+                raise ValueRangeError("coverage of a sample is not above 0 and up to 1; leave out samples without any")
+            object.__setattr__(self, "coverage", coverage)
 
     @property
     def shape(self) -> tuple[int, int]:

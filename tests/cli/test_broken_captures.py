@@ -142,7 +142,6 @@ BROKEN = {
     "mesh without area": (lambda c: mesh_text(c, CORNERS, [(0, 1, 1)]), "no area"),
     "mesh of zero bytes": (lambda c: (c / "mesh.ply").write_bytes(b""), "mesh.ply: the mesh is damaged"),
     "truncated mesh": (lambda c: truncate(c / "mesh.ply"), "mesh.ply: the mesh is damaged"),
-    "mesh inside out": (lambda c: mesh_changed(c, lambda v, f: (v, f[:, ::-1])), "backs of its faces.*flip the mesh"),
     "mesh elsewhere": (lambda c: mesh_changed(c, lambda v, f: (v + 500.0, f)), "no photo sees any of the mesh"),
     "transforms.json not JSON": (lambda c: only_transforms(c).write_text("{no"), "transforms.json: is not JSON"),
     "transforms.json a list": (lambda c: only_transforms(c).write_text("[]"), "expected a JSON object"),

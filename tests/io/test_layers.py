@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,17 @@ def test_round_trip_is_exact(tmp_path, frame):
     for name in ("offsets", "depth", "color", "normal", "observers"):
         np.testing.assert_array_equal(getattr(back, name), getattr(layers, name), err_msg=name)
     assert frame_as_json(back.frame) == frame_as_json(layers.frame)
+
+
+def test_coverage_survives_but_for_samples_that_no_photo_saw(tmp_path):
+    plain = random_layers()
+    layers = replace(plain, coverage=(1 + np.arange(len(plain.depth)) % 16) / 16)
+    write_layers(layers, tmp_path / "a.exr")
+    seen = layers.observers > 0
+    assert 0 < seen.sum() < len(seen)
+    np.testing.assert_array_equal(read_layers(tmp_path / "a.exr").coverage, np.where(seen, layers.coverage, 1.0))
+    write_layers(replace(plain, coverage=np.ones(len(plain.depth))), tmp_path / "b.exr")
+    assert read_layers(tmp_path / "b.exr").coverage is None
 
 
 @pytest.mark.parametrize(("height", "width", "empty"), [(1, 1, 0.0), (1, 1, 1.0), (1, 6, 0.5), (4, 1, 0.5), (3, 3, 1)])

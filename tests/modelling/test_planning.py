@@ -12,7 +12,7 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.modelling.appearance import Appearance, beyond_shift
 from ibrpipe.modelling.plan_file import read_plan
-from ibrpipe.modelling.planning import PlanConfig, choose_residuals, make_plan
+from ibrpipe.modelling.planning import PlanConfig, choose_coverage, choose_residuals, make_plan
 from ibrpipe.modelling.rectangles import RectangleConfig
 from ibrpipe.stages.plan import Inputs, run
 
@@ -97,7 +97,7 @@ def test_beyond_shift_of_a_pattern_and_of_a_highlight():
 def test_every_choice_has_a_reason_with_figures(plans, scene):
     textures, reasons = plans[scene]
     names = [texture.rectangle.name for texture in textures]
-    wanted = {"rectangles", "texel", "k"} | {
+    wanted = {"rectangles", "texel", "k", "coverage of rims"} | {
         f"{kind} {name}" for kind in ("layers of", "residuals of") for name in names
     }
     wanted |= {f"texture {mark}{axis}" for mark in "+-" for axis in "xyz"}
@@ -209,3 +209,16 @@ def test_photos_that_see_nothing_and_rectangles_that_face_nothing(measured):
     blind.projection[:, 2] = -1.0  # everything lies behind it
     with pytest.raises(CaptureError, match="no photo sees the mesh"):
         make_plan(ball.caster, blind, PlanConfig(samples=1000), 0)
+
+
+@pytest.mark.parametrize(("scene", "wanted"), [("foliage", True), ("glossy", False), ("lambert", False)])
+def test_rims_have_coverage_where_much_of_the_photos_is_edges(measured, scene, wanted):
+    photos = measured(scene).photos
+    choice, told = choose_coverage(QUICK, photos)
+    assert choice is wanted
+    assert told["choice"] is wanted
+    assert (told["measured"]["edge_pixels"] > 0.25) is wanted
+    for by_hand in ("always", "never"):
+        choice, told = choose_coverage(QUICK.model_copy(update={"coverage": by_hand}), photos)
+        assert choice is (by_hand == "always")
+        assert told["reason"] == "set by the pipeline file"

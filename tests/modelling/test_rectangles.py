@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from ibrpipe.errors import ConfigError
 from ibrpipe.modelling.layers import keep_rule, with_rim
 from ibrpipe.modelling.rectangles import Rectangle, RectangleConfig, bounding_box, box_faces, sized
+from ibrpipe.modelling.rims import Fronts
 from ibrpipe.types import Camera, Mesh
 
 
@@ -134,6 +135,11 @@ def test_keep_rule_alone_keeps_all_that_faces_it():
     np.testing.assert_array_equal(kept, [True, False, True])
 
 
+def fronts_at(ray, points, normals):
+    zero = np.zeros(len(ray))
+    return Fronts(ray, zero, points, normals, zero, zero)
+
+
 def test_rim_is_the_next_texel_of_the_same_surface():
     """Against the definition, sample by sample, on three random layers of which some are kept."""
     face = box_faces(CENTER, AXES, HALF, TEXEL)[0]
@@ -143,26 +149,27 @@ def test_rim_is_the_next_texel_of_the_same_surface():
     points = origins[ray] + np.sort(rng.uniform(0, 6 * face.texel, len(ray)))[:, None] * ways[ray]
     normals = rng.normal(size=(len(ray), 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    front = rng.random(len(ray)) < 0.9
-    keep = front & (rng.random(len(ray)) < 0.1)
+    fronts = fronts_at(ray, points, normals)
+    keep = rng.random(len(ray)) < 0.1
     wanted = keep.copy()
     row, column = np.divmod(ray, face.width)
-    for i in np.flatnonzero(front & ~keep):
+    for i in np.flatnonzero(~keep):
         near = keep & (abs(row - row[i]) <= 1) & (abs(column - column[i]) <= 1) & (ray != ray[i])
         apart = points[near] - points[i]
         off = np.minimum(abs(apart @ normals[i]), abs((apart * normals[near]).sum(axis=1)))
         wanted[i] = (off <= face.texel).any()
-    found = with_rim(keep, front, ray, points, normals, face)
+    found = with_rim(keep, fronts, face)
     np.testing.assert_array_equal(found, wanted)
-    assert keep.sum() < found.sum() < front.sum()
+    assert keep.sum() < found.sum() < len(ray)
 
 
 def test_rim_of_nothing_is_nothing():
     face = box_faces(CENTER, AXES, HALF, TEXEL)[0]
     some, none = np.ones(5, bool), np.zeros(5, bool)
     points = np.tile(CENTER, (5, 1))
-    assert not with_rim(none, some, np.arange(5), points, points, face).any()
-    np.testing.assert_array_equal(with_rim(some, some, np.arange(5), points, points, face), some)
+    fronts = fronts_at(np.arange(5), points, points)
+    assert not with_rim(none, fronts, face).any()
+    np.testing.assert_array_equal(with_rim(some, fronts, face), some)
 
 
 def cloud(axes, half, count=400):

@@ -28,6 +28,7 @@ PLACES = {
     "geometry": "geometry/geometry.json",
     "dense": "geometry/dense",
     "plan": "plan/plan.json",
+    "sides": "plan/sides.npz",
     "layers": "layers",
     "residuals": "residuals",
     "asset": "asset",  # for all stages after it

@@ -160,7 +160,7 @@ def test_a_folder_that_holds_something_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_an_unknown_scene_leaves_nothing_behind(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="glossy, lambert, ball"):
+    with pytest.raises(ConfigError, match="glossy, lambert, foliage, ball"):
         write_capture("vase", tmp_path / "a", SMALL)
     assert list(tmp_path.iterdir()) == []
 

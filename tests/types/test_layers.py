@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from ibrpipe.types import ParallelFrame
+from ibrpipe.errors import ShapeError, ValueRangeError
+from ibrpipe.types import LayeredDepthImage, ParallelFrame
 from ibrpipe.types.layers import offsets_of, single_layer
 
 
@@ -23,3 +25,14 @@ def test_texels_without_depth_hold_no_sample():
     assert np.isnan(plain.normal).all()
     assert plain.observers is None
     assert seen.observers.tolist() == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("coverage", "error", "match"),
+    [([1.0], ShapeError, "coverage must be \\(2,\\)"), ([0.0, 1.0], ValueRangeError, "not above 0 and up to 1")],
+)
+def test_coverage_is_one_share_a_sample(coverage, error, match):
+    frame = ParallelFrame(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, 1.0]))
+    one = np.ones((2, 3), np.float32)
+    with pytest.raises(error, match=match):
+        LayeredDepthImage(frame, np.array([[0, 2]]), np.ones(2), one, one, None, np.array(coverage))

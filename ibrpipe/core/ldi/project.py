@@ -6,7 +6,8 @@ pieces of at most 2 x 2 pixels; pieces of one size are listed together, and all 
 branches.
 
 A hit is one word: the bits of its camera depth (float32, positive, so they sort like the depth) above its patch's
-number. The least word of a pixel wins, whatever the order of the work and the number of threads.
+number. The least words of a pixel above its floor win, whatever the order of the work and the number of threads: the
+nearest hit, or so many one behind another.
 
 Symbols: see :mod:`ibrpipe.core.ldi.project_heights`; kind = pixels of a piece: columns - 1 + 2 (rows - 1).
 
@@ -129,8 +130,18 @@ def bound_boxes(block, count, field, corners, cells, pixels, perspective, sign, 
 
 
 @ordered
-def meet_pieces(kind, count, field, rays, eye, columns, listed, tags, keys, part):
-    # meet the rays of all listed pieces of one kind and enter the hits into picture `part`
+def insert_hit(hit, keys, part, at):
+    # put a hit among the nearest of a pixel, ascending; the farthest of them goes
+    rank = keys.shape[1] - 1
+    while rank > 0 and hit < keys[part, rank - 1, at]:
+        keys[part, rank, at] = keys[part, rank - 1, at]
+        rank -= 1
+    keys[part, rank, at] = hit
+
+
+@ordered
+def meet_pieces(kind, count, field, rays, eye, columns, listed, tags, keys, floors, part):
+    # meet the rays of all listed pieces of one kind and enter the hits beyond the floors into picture `part`
     r00, r01, r02, r10, r11, r12 = (
         rays[field, 4], rays[field, 5], rays[field, 6], rays[field, 7], rays[field, 8], rays[field, 9],
     )  # fmt: skip
@@ -138,6 +149,7 @@ def meet_pieces(kind, count, field, rays, eye, columns, listed, tags, keys, part
         rays[field, 10], rays[field, 11], rays[field, 12], rays[field, 13], rays[field, 14], rays[field, 15],
     )  # fmt: skip
     s0, s1, s2, s3 = rays[field, 0], rays[field, 1], rays[field, 2], rays[field, 3]
+    last = keys.shape[1] - 1
     for step in range(4):
         if (step & ~kind) != 0:
             continue
@@ -182,12 +194,12 @@ def meet_pieces(kind, count, field, rays, eye, columns, listed, tags, keys, part
             tags[kind, HIT, n] = (np.int64(t.view(np.int32)) << 32) | tags[kind, PATCH, n]
         for n in range(count):
             at, hit = tags[kind, AT, n], tags[kind, HIT, n]
-            if hit < keys[part, at]:
-                keys[part, at] = hit
+            if hit < keys[part, last, at] and hit > floors[at]:
+                insert_hit(hit, keys, part, at)
 
 
 @ordered
-def list_pieces(block, count, field, patches, views, size, boxes, lists, keys, part):
+def list_pieces(block, count, field, patches, views, size, boxes, lists, keys, floors, part):
     # cut the boxes of a block's patches into pieces and list them; lists that are full are met
     corners, cells, masks, numbers = patches
     pixels, rays, eyes, _, _ = views
@@ -215,7 +227,7 @@ def list_pieces(block, count, field, patches, views, size, boxes, lists, keys, p
                 )
                 counts[kind] += 1
                 if n + 1 == LIST:
-                    meet_pieces(kind, n + 1, field, rays, eyes[field], columns, listed, tags, keys, part)
+                    meet_pieces(kind, n + 1, field, rays, eyes[field], columns, listed, tags, keys, floors, part)
                     counts[kind] = 0
 
 
@@ -238,9 +250,9 @@ def beyond_picture(block, k, field, cells, corners, pixels, columns, rows):
 
 
 @kernel
-def project_patches(patches, blocks, bounds, views, size, keys):
-    # blocks (B, 2) i64: field, count; bounds (B, 10) f64: see skip_block; keys (parts, rows * columns) i64: one picture
-    # per part
+def project_patches(patches, blocks, bounds, views, size, keys, floors):
+    # blocks (B, 2) i64: field, count; bounds (B, 10) f64: see skip_block; keys (parts, ranks, rows * columns) i64: the
+    # nearest hits of a picture per part; floors (rows * columns,) i64: hits count above them, -1 = all
     corners, cells, _, _ = patches
     pixels, rays, eyes, signs, perspective = views
     columns, rows = size
@@ -249,29 +261,37 @@ def project_patches(patches, blocks, bounds, views, size, keys):
         part = np.int64(each)  # prange counts unsigned
         boxes, listed = np.empty((6, BLOCK)), np.empty((4, 9, LIST), np.float32)
         tags, counts = np.empty((4, 5, LIST), np.int64), np.zeros(4, np.int64)
-        for pixel in range(keys.shape[1]):
-            keys[part, pixel] = NOTHING
+        for rank in range(keys.shape[1]):
+            for pixel in range(keys.shape[2]):
+                keys[part, rank, pixel] = NOTHING
         for block in range(part, len(blocks), parts):
             field, count = blocks[block, 0], blocks[block, 1]
             if not skip_block(block, field, bounds, pixels, rays, columns, rows):
                 bound_boxes(
                     block, count, field, corners, cells, pixels, perspective[field], signs[field], columns, rows, boxes
                 )
-                list_pieces(block, count, field, patches, views, size, boxes, (counts, listed, tags), keys, part)
+                list_pieces(
+                    block, count, field, patches, views, size, boxes, (counts, listed, tags), keys, floors, part
+                )
             if block + parts >= len(blocks) or blocks[block + parts, 0] != field:
                 for kind in range(4):
-                    meet_pieces(kind, counts[kind], field, rays, eyes[field], columns, listed, tags, keys, part)
+                    meet_pieces(kind, counts[kind], field, rays, eyes[field], columns, listed, tags, keys, floors, part)
                     counts[kind] = 0
 
 
 @kernel
 def merge_pictures(keys, columns, depth, ids):
-    # keys (parts, rows * columns) i64: the pictures of all parts -> depth (rows, columns) f32, ids (rows, columns) u32
-    for y in prange(depth.shape[0]):
+    # keys (parts, ranks, rows * columns) i64: the pictures of all parts, changed -> depth (ranks, rows, columns) f32,
+    # ids (ranks, rows, columns) u32
+    last = keys.shape[1] - 1
+    for y in prange(depth.shape[1]):
         first = np.int64(y) * columns
         for x in range(columns):
-            best = keys[0, first + x]
+            at = first + x
             for part in range(1, keys.shape[0]):
-                best = min(best, keys[part, first + x])
-            depth[y, x] = np.int32(best >> 32).view(np.float32)
-            ids[y, x] = best & 0xFFFFFFFF
+                for rank in range(keys.shape[1]):
+                    if keys[part, rank, at] < keys[0, last, at]:
+                        insert_hit(keys[part, rank, at], keys, 0, at)
+            for rank in range(keys.shape[1]):
+                depth[rank, y, x] = np.int32(keys[0, rank, at] >> 32).view(np.float32)
+                ids[rank, y, x] = keys[0, rank, at] & 0xFFFFFFFF

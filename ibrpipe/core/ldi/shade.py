@@ -44,8 +44,8 @@ def shade_heights(depth, ids, base, start, Q_of, color, out, known):
 @kernel
 def shade_patches(depth, ids, records, starts, Q_of, color, out, known):
     # records (P, 8) i32: column, row, field, 0, samples of four corners (-1 = none); starts (F, 4), Q_of (F, 4, 3):
-    # rays of every field; color (S, 4) f32, the fourth 0 where no photo saw the sample; out (h, w, 3) f32; known (h, w)
-    # f32: 0 where a hit's colour is unknown
+    # rays of every field; color (S, 4) f32, the fourth the sample's coverage, 0 where no photo saw it; out (h, w, 3)
+    # f32; known (h, w) f32: coverage of the hit by samples whose colour is known, 0 = unknown
     for y in prange(depth.shape[0]):
         py = y + 0.5
         for x in range(depth.shape[1]):
@@ -59,11 +59,13 @@ def shade_patches(depth, ids, records, starts, Q_of, color, out, known):
             p, r = u / q - records[patch, 0], v / q - records[patch, 1]
             p, r = np.float32(min(max(p, 0.0), 1.0)), np.float32(min(max(r, 0.0), 1.0))
             total, red, green, blue = np.float32(0.0), np.float32(0.0), np.float32(0.0), np.float32(0.0)
+            seen = np.float32(0.0)
             for corner in range(4):
                 sample = records[patch, 4 + corner]
                 weight = (p if corner & 1 else np.float32(1.0) - p) * (r if corner & 2 else np.float32(1.0) - r)
                 weight *= np.float32(1.0) if sample >= 0 else np.float32(0.0)
                 sample = sample if sample >= 0 else 0
+                seen += weight if color[sample, 3] > np.float32(0.0) else np.float32(0.0)
                 weight *= color[sample, 3]
                 total += weight
                 red += weight * color[sample, 0]
@@ -71,6 +73,6 @@ def shade_patches(depth, ids, records, starts, Q_of, color, out, known):
                 blue += weight * color[sample, 2]
             if total > 0.0:
                 out[y, x, 0], out[y, x, 1], out[y, x, 2] = red / total, green / total, blue / total
-                known[y, x] = 1.0
+                known[y, x] = min(total / seen, np.float32(1.0))
             else:
                 known[y, x] = 0.0

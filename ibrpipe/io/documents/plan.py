@@ -35,6 +35,7 @@ class PlannedTexture(Document):
     height: int = Field(ge=1, description="Texels along v")
     max_angle_deg: float = Field(description="Surfaces tilted further go to a texture that faces them better, degrees")
     max_layers: int = Field(ge=1, description="Layers at the most")
+    coverage: bool = Field(False, description="Samples at rims hold which share of their texel they fill")
     components: list[SerializeAsAny[PlannedComponent]] = Field(
         description="View dependence that is modelled; empty = none"
     )

@@ -1,8 +1,8 @@
 """`layers.zip`: the compact form of one layered depth image, which any zip tool opens.
 
 `layers.json` says sizes and codings; `occupancy` which texels have how many samples; the colours are JPEG XL pictures,
-one per layer; depths, normals and observers are whole numbers, foretold along the picture. Every number is checked
-before it is used: a damaged or hostile file ends in one line.
+one per layer; depths, normals, observers and, where texels are filled in part, coverage are whole numbers, foretold
+along the picture. Every number is checked before it is used: a damaged or hostile file ends in one line.
 """
 
 from __future__ import annotations
@@ -68,6 +68,8 @@ def write_layer_pictures(layers: LayeredDepthImage, path: Path, coding: Coding, 
         "normal": pack_normals(layers.normal, depth, layers.frame, planes, coding, parts, speed),
         "observers": values.pack_observers(layers.observers, planes, coding.lossless, parts),
     }
+    if layers.coverage is not None:
+        header["coverage"] = values.pack_exact("coverage", layers.coverage, planes, parts)
     try:
         with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
             for name, data in ({"layers.json": json.dumps(header).encode()} | parts).items():
@@ -121,6 +123,7 @@ def _layers(header: Mapping[str, Any], parts: Mapping[str, bytes]) -> LayeredDep
     offsets = unpack_occupancy(parts["occupancy"], (height, width), samples)
     planes = planes_of(offsets)
     frame = frame_from_json(header["frame"])
+    filled = header.get("coverage")
     depth = values.unpack_exact("depth", header["depth"], 1, planes, parts)[:, 0]
     if isinstance(frame, Camera) and (depth <= 0).any():
         raise FormatError("a sample lies behind the camera")
@@ -131,4 +134,7 @@ def _layers(header: Mapping[str, Any], parts: Mapping[str, bytes]) -> LayeredDep
         values.unpack_color(header["color"], planes, parts),
         unpack_normals(header["normal"], depth, frame, planes, parts),
         values.unpack_observers(header["observers"], planes, parts),
+        None
+        if filled is None
+        else np.ascontiguousarray(values.unpack_exact("coverage", filled, 1, planes, parts)[:, 0]),
     )

@@ -21,6 +21,7 @@ from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.diffuse import DiffuseSource
 from ibrpipe.modelling.plan_file import TexturePlan, read_plan
+from ibrpipe.modelling.sides import caster_of
 from ibrpipe.modelling.view_dependence.spiral_images import cast_image, spiral_images
 from ibrpipe.types import Array, LayeredDepthImage
 
@@ -29,16 +30,17 @@ Stamp = tuple[tuple[str, int], ...]
 
 @dataclass(frozen=True)
 class Sources:
-    """Files that a unit needs: `views.json`, `mesh.ply`, `plan.json` and the folder of the layers."""
+    """Files that a unit needs: `views.json`, `mesh.ply`, `plan.json`, the folder of the layers, `sides.npz` if any."""
 
     views: Path
     mesh: Path
     plan: Path
     layers: Path
+    sides: Path | None = None
 
     def stamp(self) -> Stamp:
         """Paths with the times of their last change, nanoseconds."""
-        files = (self.views, self.mesh, self.plan, self.layers / "layers.json")
+        files = [self.views, self.mesh, self.plan, self.layers / "layers.json", *([self.sides] if self.sides else [])]
         return tuple((str(file), file.stat().st_mtime_ns if file.exists() else 0) for file in files)
 
 
@@ -77,7 +79,7 @@ def context_of(sources: Sources) -> Context:
 def _load(sources: Sources) -> Context:
     plans = read_plan(sources.plan)
     layers = tuple(read_layers(sources.layers / f"texture_{i:02d}" / "layers.exr") for i in range(len(plans)))
-    caster = MeshCaster(read_mesh(sources.mesh))
+    caster = caster_of(read_mesh(sources.mesh), sources.sides)
     photos = load_photos(read_views(sources.views).train, caster)
     return Context(caster, photos, tuple(plans), layers, DiffuseSource([plan.rectangle for plan in plans], layers))
 

@@ -21,7 +21,8 @@ from ibrpipe.renderers.frames import limited_threads, make_frame
 from ibrpipe.renderers.scene import Hits, Scene, shade_hits
 from ibrpipe.renderers.scene import prepare as prepare_scene
 from ibrpipe.renderers.search.epipolar_lines import EYE, Map, cast_map, patch_map
-from ibrpipe.types import Array, Camera, Frame, Texture
+from ibrpipe.types import Array, Camera, Frame, LayeredDepthImage, Texture
+from ibrpipe.types.layers import opaque
 from ibrpipe.types.renderable import GridSource
 
 
@@ -49,10 +50,11 @@ class Maps:
 
 def prepare(textures: tuple[GridSource, ...]) -> Maps:
     """Build the fields of all textures and the bounds of their blocks."""
-    plain = tuple(texture.layers if isinstance(texture, Texture) else texture for texture in textures)
+    layered = tuple(texture.layers if isinstance(texture, Texture) else texture for texture in textures)
+    plain = tuple(opaque(each) if isinstance(each, LayeredDepthImage) else each for each in layered)
     scene = prepare_scene(plain)
-    layered = [patch_map(field, int(n)) for (_, field), n in zip(scene.patches, scene.firsts, strict=False)]
-    return Maps(scene, (*(one for one in layered if one is not None), *scene.maps), plain)
+    patched = [patch_map(field, int(n)) for (_, field), n in zip(scene.patches, scene.firsts, strict=False)]
+    return Maps(scene, (*(one for one in patched if one is not None), *scene.maps), plain)
 
 
 def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], options: EpipolarOptions) -> Frame:

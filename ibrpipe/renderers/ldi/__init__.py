@@ -19,7 +19,7 @@ class LdiRenderer(Renderer["Scene", LdiOptions]):
     name = "ldi"
     summary = "Exact nearest hit by projected patches or a quadtree; depth-corrected spiral residuals."
     paper = "gong-yang, sec. 5"
-    limits = "Pinhole cameras; nearest surface only, no transparency."
+    limits = "Pinhole cameras; no transparency but for rims that fill their texels in part."
     accepts = (ReliefTexture, DepthImage, LayeredDepthImage, SpiralTexture, Texture, Asset)
     Options = LdiOptions
 

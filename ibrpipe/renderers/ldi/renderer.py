@@ -13,11 +13,13 @@ from typing import Any
 import numba
 import numpy as np
 
-from ibrpipe.core.ldi import project, project_heights
+from ibrpipe.core.ldi import project_heights
 from ibrpipe.renderers.frames import limited_threads, make_frame
+from ibrpipe.renderers.ldi.levels import Level, levels_behind, mix
 from ibrpipe.renderers.ldi.options import LdiOptions, Search
 from ibrpipe.renderers.scene import Hits, Scene, shade_hits
 from ibrpipe.renderers.search.epipolar_lines import EYE, cast_map
+from ibrpipe.renderers.search.projection import pack_rays, project
 from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.types import Array, Camera, Frame
 
@@ -37,19 +39,28 @@ def passes(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: LdiO
     stats: dict[str, Any] = {"rays": camera.width * camera.height}
     with limited_threads(options.threads):
         hits = find_hits(scene, camera, options.search)
-        color, known = shade_hits(scene, hits, camera) if {"color", "alpha"} & set(outputs) else (None, None)
-        if known is not None:
-            stats["hits"] = int(np.count_nonzero(known))
+        if not ({"color", "alpha"} & set(outputs) or scene.soft):
+            stats["milliseconds"] = 1e3 * (perf_counter() - began)
+            yield make_frame(outputs, hits.depth, None, None, stats)
+            return
+        color, known = shade_hits(scene, hits, camera)
+        stats["hits"] = int(np.count_nonzero(known))
+        levels = [Level(hits.depth, hits.ids, color, known)]
+        if scene.soft:
+            levels += levels_behind(scene, camera, levels[0])
+        mixed = mix(levels, scene.texel)
         stats["milliseconds"] = 1e3 * (perf_counter() - began)
-        yield make_frame(outputs, hits.depth, color, known, stats)
+        yield make_frame(outputs, mixed.depth, mixed.color, mixed.known, stats)
         if not (options.residuals and "color" in outputs and scene.components):
             return
-        if color is not None and known is not None:
-            picture = Picture(scene, camera, color, hits.depth, hits.ids, known)
+        for level in reversed(levels):  # the figures are those of the nearest
+            picture = Picture(scene, camera, level.color, level.depth, level.ids, level.known)
             for component in scene.components:
                 stats.update(component.add(picture))
-            stats["milliseconds"] = 1e3 * (perf_counter() - began)
-            yield make_frame(outputs, hits.depth, color, known, stats)
+        if len(levels) > 1:
+            mixed.color[:] = mix(levels, scene.texel).color
+        stats["milliseconds"] = 1e3 * (perf_counter() - began)
+        yield make_frame(outputs, mixed.depth, mixed.color, mixed.known, stats)
 
 
 def find_hits(scene: Scene, camera: Camera, search: Search = "auto") -> Hits:
@@ -64,7 +75,7 @@ def find_hits(scene: Scene, camera: Camera, search: Search = "auto") -> Hits:
     pixels = camera.width * camera.height
     by_rays = search == "quadtree" or (search == "auto" and int(scene.firsts[-1]) > CROWDED * pixels)
     if scene.patches and not by_rays:
-        depth, ids = _project(scene, camera)
+        depth, ids = project(scene, camera)
     else:
         depth = np.full((camera.height, camera.width), np.inf, np.float32)
         ids = np.full(depth.shape, 2**32 - 1, np.uint32)
@@ -77,30 +88,6 @@ def find_hits(scene: Scene, camera: Camera, search: Search = "auto") -> Hits:
         for one in scene.maps:
             cast_map(one, camera, depth, ids)
     return Hits(depth, ids)
-
-
-def _project(scene: Scene, camera: Camera) -> tuple[Array, Array]:
-    """Return depth and number of the nearest hit of every pixel with the patches of layered images."""
-    poses = [field.pose for _, field in scene.patches]
-    starts, directions = (
-        np.stack(part) for part in zip(*(pose.field_from_pixel(camera) for pose in poses), strict=True)
-    )
-    pixels = np.stack([pose.pixel_from_field(camera) for pose in poses])
-    eyes = np.array([EYE * field.reach for _, field in scene.patches])
-    signs = np.sign(np.linalg.det(pixels[:, :, :3])) * np.sign(starts[:, 3])  # the line to an eye behind a frame's
-    perspective = np.array([pose.perspective for pose in poses])
-    parts, (columns, rows) = numba.get_num_threads(), (camera.width, camera.height)
-    memory = scene.pictures.pop() if scene.pictures else np.empty(0, np.int64)
-    if len(memory) < parts * columns * rows:
-        memory = np.empty(parts * columns * rows, np.int64)
-    keys = memory[: parts * columns * rows].reshape(parts, columns * rows)
-    views = (pixels, pack_rays(starts, directions), eyes, signs, perspective)
-    blocks = scene.blocks
-    project.project_patches(blocks.patches, blocks.blocks, blocks.bounds, views, (columns, rows), keys)
-    depth, ids = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.uint32)
-    project.merge_pictures(keys, columns, depth, ids)
-    scene.pictures.append(memory)
-    return depth, ids
 
 
 def _project_heights(scene: Scene, camera: Camera, depth: Array, ids: Array) -> None:
@@ -117,8 +104,3 @@ def _project_heights(scene: Scene, camera: Camera, depth: Array, ids: Array) -> 
     if parts > 1:
         project_heights.merge(depths, numbers)
     depth[:], ids[:] = depths[0], numbers[0]
-
-
-def pack_rays(start: Array, directions: Array) -> Array:
-    """(..., 16) float64: start (..., 4), then directions (..., 4, 3) row by row, for the projecting kernels."""
-    return np.concatenate([start, directions.reshape(*directions.shape[:-2], 12)], axis=-1)

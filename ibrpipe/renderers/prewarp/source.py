@@ -12,6 +12,7 @@ from ibrpipe.core.prewarp import rows as prewarp
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.prewarp.faces import Face, Sight
 from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame, ReliefTexture, Texture
+from ibrpipe.types.layers import opaque
 
 #: steps between neighbouring samples of a layered image, in texels, above which they are not joined
 GAP = 4.0
@@ -151,12 +152,13 @@ def build_relief(source: ReliefTexture | LayeredDepthImage | Texture) -> Relief:
             "renderer 'prewarp' takes parallel frames; this texture has a perspective one: use renderer 'ldi', "
             "or resample it with 'ibrpipe relief range'"
         )
+    frame, source = source.frame, opaque(source)
     first, some = source.offsets[:, :-1], np.diff(source.offsets, axis=1) > 0
     height = np.full(source.shape, np.nan, np.float32)
     color = np.zeros((*source.shape, 3), np.float32)
     height[some], color[some] = source.depth[first[some]], source.color[first[some]]
-    texel = max(np.linalg.norm(source.frame.a), np.linalg.norm(source.frame.b))
-    return Relief(source.frame, height, color, GAP * float(texel), True, source)
+    texel = max(np.linalg.norm(frame.a), np.linalg.norm(frame.b))
+    return Relief(frame, height, color, GAP * float(texel), True, source)
 
 
 def _halved(values: Array, height: Array) -> Array:

@@ -18,6 +18,7 @@ from ibrpipe.renderers.fields import HeightField, Pose, field_pose
 from ibrpipe.renderers.relief.options import ReliefOptions
 from ibrpipe.renderers.search.epipolar_lines import Map, cast_map, height_map
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, Texture
+from ibrpipe.types.layers import opaque
 
 #: steps between neighbouring samples of a layered image, in texels, above which they are not joined
 GAP = 4.0
@@ -231,11 +232,12 @@ def _first_layer(layers: LayeredDepthImage) -> Field:
         raise RendererError(
             "renderer 'relief' takes parallel frames; this texture has a perspective one: use renderer 'ldi'"
         )
+    frame, layers = layers.frame, opaque(layers)
     first, some = layers.offsets[:, :-1], np.diff(layers.offsets, axis=1) > 0
     height, color = np.full(layers.shape, np.nan, np.float32), np.zeros((*layers.shape, 4), np.float32)
     height[some], color[some, :3] = layers.depth[first[some]], layers.color[first[some]]
     color[some, 3] = 1.0 if layers.observers is None else layers.observers[first[some]] > 0
     if min(layers.shape) == 1:
-        return _thin_field(layers.frame, height, color)
-    texel = max(np.linalg.norm(layers.frame.a), np.linalg.norm(layers.frame.b))
-    return _field(layers.frame, height, color, GAP * float(texel), True)
+        return _thin_field(frame, height, color)
+    texel = max(np.linalg.norm(frame.a), np.linalg.norm(frame.b))
+    return _field(frame, height, color, GAP * float(texel), True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ibrpipe.core.reflection.geometry import place_hits, reflect, search_rays
 from ibrpipe.core.reflection.model import TRAITS
-from ibrpipe.renderers.fields import PatchField, Pose
+from ibrpipe.renderers.fields import Pose
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.search.quadtree import Sheet
 from ibrpipe.renderers.view_dependence.occupancy import Occupancy, bit, build_occupancy
@@ -80,23 +80,14 @@ def make_surface(scene: Scene, normals: Array) -> Surface:
     known = np.append(colors[:, 3] > 0, False)
     corners = np.where(known[records[:, 4:]], records[:, 4:], -1).astype(np.int32)
     poses = np.stack([matrix(field.pose) for _, field in scene.patches])
-    texel = float(np.median([texel_size(field) for _, field in scene.patches]))
     sheets = [sheet for sheet in scene.sheets if len(sheet.leaves[1]) and sheet.box[2] <= sheet.box[3]]
-    occupancy = build_occupancy([(matrix(each.pose), int(each.box[0]), each.leaves) for each in sheets], texel)
-    return Surface(records, corners, poses, np.ascontiguousarray(normals, np.float32), sheets, texel, occupancy)
+    occupancy = build_occupancy([(matrix(each.pose), int(each.box[0]), each.leaves) for each in sheets], scene.texel)
+    return Surface(records, corners, poses, np.ascontiguousarray(normals, np.float32), sheets, scene.texel, occupancy)
 
 
 def matrix(pose: Pose) -> Array:
     """(4, 4) float64: homogeneous field coordinates from (X, 1)."""
     return np.concatenate([pose.linear, (pose.shift - pose.linear @ pose.origin)[:, None]], axis=1)
-
-
-def texel_size(field: PatchField) -> float:
-    """Width of a texel on the surface of a layered image, scene units."""
-    if not field.pose.perspective:
-        return float(np.linalg.norm(np.linalg.inv(field.pose.linear[:3])[:, 0]))
-    width = float(np.linalg.norm(np.linalg.inv(field.pose.linear[[0, 1, 3]])[:, 0]))
-    return width * float(np.median(-1.0 / field.corners)) if len(field.corners) else width
 
 
 def look(surface: Surface, points: Array, patches: Array, eyes: Array, size: int) -> Looks:

@@ -65,3 +65,24 @@ def test_patches_take_the_mean_of_the_corners_that_are_known(unseen):
         assert (known[y, x] == 1.0) == (weights.sum() > 0)
         if weights.sum() > 1e-3:
             np.testing.assert_allclose(out[y, x], weights @ color[samples, :3] / weights.sum(), atol=1e-4)
+
+
+def test_patches_cover_as_their_corners_do():
+    scene, depth, ids = hits_of(layers())
+    records, color = scene.records
+    color = color.copy()
+    color[:, 3] = (np.arange(len(color)) % 5) / 4.0
+    start, turn = scene.patches[0][1].pose.field_from_pixel(CAMERA)
+    out, known = np.zeros((*depth.shape, 3), np.float32), np.zeros(depth.shape, np.float32)
+    shade.shade_patches(depth, ids, records, start[None], turn[None], color, out, known)
+    for y, x in np.argwhere(np.isfinite(depth)):
+        column, row, _, _, *samples = records[ids[y, x]]
+        u, v = place(start, turn, x, y, float(depth[y, x]))
+        p, q = np.clip((u - column, v - row), 0, 1)
+        weights = np.array([(1 - p) * (1 - q), p * (1 - q), (1 - p) * q, p * q])
+        weights *= [sample >= 0 and color[sample, 3] > 0 for sample in samples]
+        filled = weights * color[samples, 3]
+        if filled.sum() > 1e-3:
+            np.testing.assert_allclose(known[y, x], filled.sum() / weights.sum(), atol=1e-4)
+            np.testing.assert_allclose(out[y, x], filled @ color[samples, :3] / filled.sum(), atol=1e-4)
+    assert ((known > 0.1) & (known < 0.9)).sum() > 10

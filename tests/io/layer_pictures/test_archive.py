@@ -154,6 +154,16 @@ def test_unknown_normals_and_observers_stay_unknown(tmp_path, coding):
     np.testing.assert_array_equal(np.isnan(back.normal), np.isnan(normal))
 
 
+@pytest.mark.parametrize("coding", [LOSSLESS, LOSSY])
+def test_coverage_comes_back_exactly(tmp_path, coding):
+    plain = random_layers()
+    layers = replace(plain, coverage=(1 + np.arange(len(plain.depth)) % 16) / 16)
+    write_layer_pictures(layers, tmp_path / NAME, coding)
+    np.testing.assert_array_equal(read_layer_pictures(tmp_path / NAME).coverage, layers.coverage)
+    write_layer_pictures(plain, tmp_path / NAME, coding)
+    assert read_layer_pictures(tmp_path / NAME).coverage is None
+
+
 def test_samples_without_light_stay_declared(tmp_path):
     layers = random_layers()
     layers = replace(layers, observers=layers.observers % 3)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibrpipe.capture.photo_set import DEPTH_SLACK, PhotoSet
+from ibrpipe.core.appearance.depth_edges import beside_edge
 from ibrpipe.core.color import srgb_decode
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
@@ -102,7 +103,7 @@ def observe_pixels(
 def _observe_photo(
     scene: Scene, surface: Surface, photos: PhotoSet, p: int, size: int, step: int, wanted: Array | None
 ) -> Observations:
-    camera, own = photos.cameras[p], _pixels(photos, p)
+    camera, own = photos.cameras[p], photos.pixels_of(p)
     shape = camera.height, camera.width
     depth, mask = photos.depth[own].reshape(shape), photos.mask[own].reshape(shape)
     hits = find_hits(scene, camera)
@@ -122,29 +123,12 @@ def agreed(drawn: Array, depth: Array, camera: Camera) -> Array:
         return np.isfinite(drawn) & (np.abs(drawn - depth) <= 2 * DEPTH_SLACK * depth / camera.K[0, 0])
 
 
-def _pixels(photos: PhotoSet, p: int) -> slice:
-    return slice(int(photos.starts[p]), int(photos.starts[p]) + int(np.prod(photos.sizes[p], dtype=np.int64)))
-
-
 def _clipped(code: Array) -> float:
     """Display code from which on a photo's pixels (N, 3) count as clipped: its brightest, where many are as bright."""
     if not np.isfinite(code).all():
         raise CaptureError("a photo holds NaN or infinite pixels; repair it")
     most = float(code.max(initial=0.0)) - 1e-4
     return most if np.count_nonzero(code >= most) >= 8 else np.inf
-
-
-def beside_edge(depth: Array, mask: Array) -> Array:
-    """Say which pixels (H, W) have a neighbour on another surface or outside the mask.
-
-    A surface goes on where inverse depth, which is straight on planes, bends by less than a hundredth.
-    """
-    inverse = np.pad(np.where(mask >= 0.5, 1.0 / depth, 0.0), 1, mode="edge")
-    inner, out = inverse[1:-1, 1:-1], np.zeros(depth.shape, bool)
-    for before, after in ((inverse[1:-1, :-2], inverse[1:-1, 2:]), (inverse[:-2, 1:-1], inverse[2:, 1:-1])):
-        out |= np.abs(before + after - 2 * inner) > 0.01 * inner
-        out |= (before == 0) | (after == 0)
-    return out
 
 
 def _observations(
@@ -193,6 +177,6 @@ def observe_texels(
         seen = look(surface, points[at[some]], patch[at[some]], photos.centers[p], size)
         seen.traits[:, :2] = 0.0  # the patch's first corner, whatever the rounding
         weight = OWN_SAMPLE * np.sqrt(np.minimum(cosine[able[some]], 1.0))
-        level = _clipped(photos.code[_pixels(photos, p)])
+        level = _clipped(photos.code[photos.pixels_of(p)])
         parts.append(_observations(surface, seen, weight, code[some], level, p, size))
     return join(parts) if sum(len(part.where) for part in parts) else None
