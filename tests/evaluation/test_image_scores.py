@@ -161,6 +161,16 @@ def test_a_frame_is_scored_with_uncovered_pixels_black():
     assert inside.psnr_rest == image_scores.PSNR_CAP  # what is not covered is no part of it
 
 
+@pytest.mark.parametrize("corner", [(90, 100), (0, 0), (170, 215)])
+def test_flip_of_the_surroundings_is_flip_of_the_whole(corner):
+    random = np.random.default_rng(3)
+    truth, picture = (random.integers(0, 256, (200, 240, 3)).astype(np.uint8) for _ in range(2))
+    mask = np.zeros((200, 240), bool)
+    mask[corner[0] : corner[0] + 30, corner[1] : corner[1] + 25] = True
+    whole = image_scores.flip_map(truth, picture, mask)[mask]
+    assert image_scores.flip(truth, picture, mask) == whole.mean(dtype=np.float64)
+
+
 def test_figures_of_a_fully_covered_mask_are_told_twice_alike():
     truth = image_scores.Truth(flat(188), EVERYWHERE)
     frame = Frame(np.full((40, 50, 3), 0.4, np.float32), None, None)
