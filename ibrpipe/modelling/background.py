@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibrpipe.capture.photo_set import PhotoSet
+from ibrpipe.io.views import spread
 from ibrpipe.types import Array, Camera, LayeredDepthImage, Mesh
 
 #: distances that are tried, in reaches of what is known
@@ -23,6 +24,8 @@ ONE_WAY, GRAZING = 0.5, 0.2
 LEAST = 1e-3
 #: texels along a side at most, and texels of the grid on which distances are compared
 MOST_TEXELS, PROBED = 4096, 64
+#: photos, evenly spread, that distances are compared with
+PROBING = 12
 _CUBE = tuple(sign * np.eye(3)[axis] for axis in range(3) for sign in (1.0, -1.0))
 
 
@@ -66,10 +69,11 @@ def make_background(photos: PhotoSet, mesh: Mesh) -> Background | None:
     middle = photos.centers.mean(axis=0)
     reach = float(np.linalg.norm(mesh.vertices[np.unique(mesh.faces)] - middle, axis=1).max())
     normals = _normals(photos)
-    tried = [(_spread(photos, beyond, middle, normals, share * reach), share * reach) for share in TRIED]
-    spread, distance = min(tried)
+    some = photos.subset(spread(range(len(photos.cameras)), PROBING))
+    tried = [(_spread(some, beyond, middle, normals, share * reach), share * reach) for share in TRIED]
+    least, distance = min(tried)
     layers = tuple(_coloured(photos, beyond, middle, normals, distance))
-    return Background(layers, distance, spread)
+    return Background(layers, distance, least)
 
 
 def _normals(photos: PhotoSet) -> list[Array]:
@@ -87,8 +91,8 @@ def _spread(photos: PhotoSet, beyond: Array, middle: Array, normals: list[Array]
     seen: list[Array] = []
     for frame, placed in _frames(photos, beyond, middle, normals, distance, PROBED):
         points, facing = _points(frame, distance)
-        _, spread, count = placed.diffuse(points, facing)
-        seen.append(spread[count >= 2])
+        _, deviation, count = placed.diffuse(points, facing)
+        seen.append(deviation[count >= 2])
     values = np.concatenate(seen) if seen else np.empty(0)
     return float(values.mean()) if len(values) else np.inf
 
@@ -119,14 +123,16 @@ def _frames(
         R = _axes(normal, photos)
         depth, low, high = photos.depth.copy(), np.full(2, np.inf), np.full(2, -np.inf)
         for p, camera in enumerate(photos.cameras):
-            own = slice(int(photos.starts[p]), int(photos.starts[p]) + camera.width * camera.height)
-            rays = camera.pixel_rays().reshape(-1, 3)
+            first = int(photos.starts[p])
+            own = first + np.flatnonzero(beyond[first : first + camera.width * camera.height])
+            row, column = np.divmod(own - first, camera.width)
+            rays = camera.pixel_rays(np.stack([column, row], axis=1) + 0.5)
             slope = rays @ normal
             along = (distance - float((camera.center - middle) @ normal)) / np.where(slope > 0, slope, np.nan)
             steep = slope >= GRAZING * np.linalg.norm(rays, axis=1)
             at = (camera.center - middle + rays * along[:, None]) @ R[:2].T / distance
-            fits = beyond[own] & steep & (along > 0) & (np.abs(at) <= limit + 1e-9).all(axis=1)
-            depth[own] = np.where(fits, along, depth[own])
+            fits = steep & (along > 0) & (np.abs(at) <= limit + 1e-9).all(axis=1)
+            depth[own[fits]] = along[fits]
             if fits.any():
                 low, high = np.minimum(low, at[fits].min(axis=0)), np.maximum(high, at[fits].max(axis=0))
         if (high > low).all():
