@@ -14,13 +14,20 @@ import numpy as np
 
 from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.embree import MeshCaster
+from ibrpipe.renderers.antialiasing import supersample
+from ibrpipe.renderers.edges import PLACES, edge_pixels
+from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.types import Array, Camera, Frame
 
 #: colours (N, 3) of points (N, 3) with normals (N, 3) seen from unit directions (N, 3); NaN where unknown
 Shade = Callable[[Array, Array, Array], Array]
 
+#: rays of a pixel, or "adaptive"
+Samples = int | str
+EVERYTHING = ("color", "depth", "alpha")
 
-def render_ulr(camera: Camera, caster: MeshCaster, photos: PhotoSet) -> Frame:
+
+def render_ulr(camera: Camera, caster: MeshCaster, photos: PhotoSet, samples: Samples = 1) -> Frame:
     """Blend, at every pixel, the best four photos by angle: an unstructured lumigraph.
 
     The weight of photo i is ``dot_i - dot_4``, normalised, where ``dot`` is the cosine between the directions from the
@@ -34,34 +41,59 @@ def render_ulr(camera: Camera, caster: MeshCaster, photos: PhotoSet) -> Frame:
         The capture's mesh.
     photos : PhotoSet
         All training photos with the mesh's depth.
+    samples : int or "adaptive"
+        Rays of a pixel, as renderers take them; adaptive = several where a pixel shows an edge.
 
     Returns
     -------
     Frame
         Colour (linear), depth along camera z, alpha (1 where some photo sees the surface).
     """
-    return _shade_mesh(camera, caster, lambda points, normals, toward: photos.blend(points, normals, toward)[0])
+    return _shade_mesh(
+        camera, caster, lambda points, normals, toward: photos.blend(points, normals, toward)[0], samples
+    )
 
 
-def render_median(camera: Camera, caster: MeshCaster, photos: PhotoSet) -> Frame:
+def render_median(camera: Camera, caster: MeshCaster, photos: PhotoSet, samples: Samples = 1) -> Frame:
     """Give every pixel the per-channel median of all photos that see its surface point: the best diffuse mesh.
 
     Parameters and result as for `render_ulr`.
     """
-    return _shade_mesh(camera, caster, lambda points, normals, _: photos.diffuse(points, normals)[0])
+    return _shade_mesh(camera, caster, lambda points, normals, _: photos.diffuse(points, normals)[0], samples)
 
 
-def _shade_mesh(camera: Camera, caster: MeshCaster, shade: Shade) -> Frame:
-    hits = caster.cast_camera(camera)
+def _shade_mesh(camera: Camera, caster: MeshCaster, shade: Shade, samples: Samples) -> Frame:
+    if isinstance(samples, int) and samples > 1:
+        return supersample(lambda view, _: _shade_mesh(view, caster, shade, 1), camera, EVERYTHING, samples)
+    shape, pixels = (camera.height, camera.width), PixelGrid.centers(camera.height, camera.width).points.reshape(-1, 2)
+    color, depth, known = _shade_rays(camera, caster, shade, pixels)
+    color, depth, alpha = color.reshape(*shape, 3), depth.reshape(shape), known.reshape(shape).astype(np.float32)
+    unseen = int((np.isfinite(depth) & (alpha == 0)).sum())
+    if samples == "adaptive":
+        row, column = np.nonzero(edge_pixels(depth, alpha))
+        if len(row) == 0:
+            return Frame(color, depth, alpha, {"unseen": unseen})
+        places = np.stack([column, row], axis=1)[:, None] + PLACES
+        several, _, seen = _shade_rays(camera, caster, shade, places.reshape(-1, 2))
+        weight = seen.reshape(*places.shape[:2], 1).astype(np.float32)
+        total = weight.sum(axis=1)
+        color[row, column] = (several.reshape(*places.shape[:2], 3) * weight).sum(axis=1) / np.maximum(total, 1)
+        alpha[row, column] = total[:, 0] / len(PLACES)
+    return Frame(color, depth, alpha, {"unseen": unseen})
+
+
+def _shade_rays(camera: Camera, caster: MeshCaster, shade: Shade, pixels: Array) -> tuple[Array, Array, Array]:
+    """Colours (N, 3), depths along camera z and whether the colour is known (N,), of rays through (N, 2) pixels."""
+    rays = camera.pixel_rays(pixels)
+    hits = caster.cast(np.broadcast_to(camera.center, rays.shape), rays)
     hit = np.isfinite(hits.t)
-    rays = camera.pixel_rays()[hit]
-    points = camera.center + rays * hits.t[hit][:, None].astype(np.float64)
-    toward = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    points = camera.center + rays[hit] * hits.t[hit][:, None].astype(np.float64)
+    toward = -rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
     shaded = shade(points, _facing(hits.normal[hit], toward), toward)
-    known = np.asarray(np.isfinite(shaded).all(axis=1))
-    color, alpha = np.zeros((*hit.shape, 3), np.float32), np.zeros(hit.shape, np.float32)
-    color[hit], alpha[hit] = np.where(known[:, None], shaded, 0.0), known
-    return Frame(color, hits.t, alpha, {"unseen": int((~known).sum())})
+    seen = np.asarray(np.isfinite(shaded).all(axis=1))
+    color, known = np.zeros((len(rays), 3), np.float32), np.zeros(len(rays), bool)
+    color[hit], known[hit] = np.where(seen[:, None], shaded, 0.0), seen
+    return color, hits.t, known
 
 
 def _facing(normals: Array, toward: Array) -> Array:

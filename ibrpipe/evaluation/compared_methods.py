@@ -14,7 +14,7 @@ from ibrpipe.io.frames import Frames
 from ibrpipe.io.views import View
 from ibrpipe.renderers.api import Prepared
 from ibrpipe.renderers.registry import shows_view_dependence
-from ibrpipe.renderers.renderer_spec import Choice, choose
+from ibrpipe.renderers.renderer_spec import Choice, choose, with_samples
 from ibrpipe.types import Asset, Camera, Frame
 
 #: what a timed frame holds
@@ -46,21 +46,21 @@ def compare_methods(asset: Asset, frames: Frames, caster: MeshCaster, photos: Ph
     RendererError
         A renderer is unknown or cannot render the asset.
     """
-    choices = {name: choose(name) for name in frames.renderers}
+    choices = {name: with_samples(choose(name), frames.samples) for name in frames.renderers}
     prepared = {name: ibrpipe.prepare(asset, choice.name) for name, choice in choices.items()}
-    first = frames.renderers[0]
+    first, samples = frames.renderers[0], frames.samples
     ready, diffuse = prepared[first], _without_view_dependence(choices[first])
     return ComparedMethods(
         renderers={name: _frame_of(frames, choice, prepared[name]) for name, choice in choices.items()},
         baselines={
             "diffuse": lambda view: ibrpipe.render(ready, view.camera, diffuse.name, **diffuse.options),
-            "ulr": lambda view: render_ulr(view.camera, caster, photos),
-            "mesh": lambda view: render_median(view.camera, caster, photos),
+            "ulr": lambda view: render_ulr(view.camera, caster, photos, samples),
+            "mesh": lambda view: render_median(view.camera, caster, photos, samples),
         },
         timed={
             **{name: _method(choice, prepared[name]) for name, choice in choices.items()},
             "diffuse": _method(diffuse, ready),
-            "ulr": lambda camera: lambda: render_ulr(camera, caster, photos),
+            "ulr": lambda camera: lambda: render_ulr(camera, caster, photos, samples),
             "mesh": caster.prepared_cast,
         },
     )

@@ -9,7 +9,7 @@ from ibrpipe.evaluation.metrics import Protocol
 from ibrpipe.types import Camera
 
 
-def make_protocol(timed: Camera, repeats: int, views: int, highlight_threshold: int) -> Protocol:
+def make_protocol(timed: Camera, repeats: int, views: int, highlight_threshold: int, samples: int | str) -> Protocol:
     """Return the protocol of frames of `timed`'s size, timed `repeats` times in `views` views."""
     threads = numba.get_num_threads()
     return Protocol(
@@ -39,10 +39,17 @@ def make_protocol(timed: Camera, repeats: int, views: int, highlight_threshold: 
             "Highlight pixels: pixels that all methods cover, where the photo and the diffuse-only picture differ by "
             f"{highlight_threshold} of 255 codes or more in some channel, in patches of at least 3 x 3. They are "
             "chosen by the error of diffuse-only, bound to do badly there; read them beside those of all pixels.",
+            "Pixels of all pictures, renders and baselines alike, are drawn from "
+            + (
+                f"{samples} ray{'s' * (samples != 1)}."
+                if isinstance(samples, int)
+                else "one ray, and from nine where a pixel shows an edge of the method's own surface."
+            ),
             "diffuse: the same asset and renderer without residuals. ulr: unstructured lumigraph; at every pixel the "
             "mesh is cast and the best four training photos that see the point are blended, weights dot_i - dot_4. "
             "mesh: the mesh with, at every pixel, the median of all training photos that see the point; its time is "
-            "that of Embree's ray cast alone (Open3D's RaycastingScene, rays laid out beforehand), no colouring.",
+            "that of Embree's ray cast alone (Open3D's RaycastingScene, rays laid out beforehand), one a pixel, no "
+            "colouring.",
             f"Times: frames {timed.width} pixels wide, colour and depth, {threads} threads each, {views} views; all "
             f"methods take turns, each draws twice in its turn and the second counts; median of {repeats} turns, "
             "fewer for methods that need more than their share of the time. "

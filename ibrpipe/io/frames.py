@@ -28,11 +28,14 @@ class Frames:
         In the order of the file; the first one is what the verdict speaks of.
     entries : dict
         (renderer, view) to the file's entry.
+    samples : int or "adaptive"
+        Rays of a pixel.
     """
 
     folder: Path
     renderers: tuple[str, ...]
     entries: dict[tuple[str, str], RenderedFrame]
+    samples: int | str = 1
 
     def load(self, renderer: str, view: View) -> Frame | None:
         """Return the frame that was rendered for exactly this view; None where there is none."""
@@ -58,7 +61,7 @@ def read_frames(folder: Path) -> Frames:
     path = folder / "frames.json"
     document = documents.Frames.read(path, "is no list of frames", "render")
     entries = {(entry.renderer, entry.view): entry for entry in document.frames}
-    return Frames(folder, tuple(document.renderers), entries)
+    return Frames(folder, tuple(document.renderers), entries, document.samples)
 
 
 def _same_camera(entry: RenderedFrame, camera: Camera) -> bool:
@@ -98,7 +101,8 @@ def write_frame(frame: Frame, stem: Path) -> dict[str, str]:
     """Write STEM.exr and, where there is colour, STEM.png; each appears only when it is complete."""
     channels: dict[str, Array] = {}
     if frame.color is not None:
-        channels.update(zip("RGB", np.moveaxis(frame.color, 2, 0)))
+        color = frame.color if frame.alpha is None else frame.color * frame.alpha[..., None]  # as OpenEXR wants it
+        channels.update(zip("RGB", np.moveaxis(color, 2, 0)))
     if frame.alpha is not None:
         channels["A"] = frame.alpha
     if frame.depth is not None:

@@ -99,7 +99,8 @@ def render(
     Returns
     -------
     Frame
-        Colour (H, W, 3) linear, depth (H, W) along camera z with +inf where nothing is hit, alpha (H, W); all float32.
+        Colour (H, W, 3) linear, not multiplied by alpha; depth (H, W) along camera z with +inf where nothing is hit;
+        alpha (H, W), the share of the pixel that is covered. All float32.
 
     Raises
     ------
@@ -115,7 +116,14 @@ def render(
     if not isinstance(camera, Camera):
         raise RendererError(f"camera must be a Camera, got {type(camera).__name__}; build one with ibrpipe.Camera")
     prepared = prepare(source, renderer)
-    return chosen().draw(prepared.data, camera, wanted, checked)
+    samples, drawer = getattr(checked, "samples", 1), chosen()
+    if samples == "adaptive":
+        return drawer.draw_adaptive(prepared.data, camera, wanted, checked)
+    if samples == 1:
+        return drawer.draw(prepared.data, camera, wanted, checked)
+    from ibrpipe.renderers.antialiasing import supersample
+
+    return supersample(lambda view, names: drawer.draw(prepared.data, view, names, checked), camera, wanted, samples)
 
 
 def renderers() -> dict[str, dict[str, Any]]:

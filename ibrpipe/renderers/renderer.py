@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Literal, Protocol, TypeVar
 
 from pydantic import ConfigDict, Field
 
@@ -37,6 +37,10 @@ class RendererOptions(StageConfig):
 
     threads: int = Field(
         default=0, ge=0, le=4096, description="Number of threads; 0 = all. Never changes a byte of the result"
+    )
+
+    samples: Literal[1, 4, 9, 16, 64, "adaptive"] = Field(
+        default=1, description="Rays of a pixel; adaptive = one, and several where a pixel shows an edge"
     )
 
 
@@ -93,6 +97,16 @@ class Renderer(ABC, Generic[Data, Chosen]):
         Frame
             Colour (H, W, 3) linear, depth (H, W) along camera z with +inf where nothing is hit, alpha (H, W); float32.
         """
+
+    def draw_adaptive(self, data: Data, camera: Camera, outputs: tuple[str, ...], options: Chosen) -> Frame:
+        """Draw as `draw`, with several rays where a pixel shows an edge.
+
+        This draws the whole picture with several rays a pixel, and takes of it what lies at edges; renderers that can
+        draw some pixels alone have a quicker way of their own.
+        """
+        from ibrpipe.renderers.antialiasing import smooth_edges
+
+        return smooth_edges(lambda view, wanted: self.draw(data, view, wanted, options), camera, outputs)
 
 
 def type_names(types: Sequence[type]) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ibrpipe.errors import RendererError
@@ -35,6 +35,13 @@ class Choice:
     def folder(self) -> str:
         """The text with nothing in it that a file system would mind."""
         return re.sub(r"[^A-Za-z0-9.=_-]", "-", self.text)
+
+
+def with_samples(choice: Choice, samples: object) -> Choice:
+    """Return the choice with so many rays a pixel, where it does not say itself, and its renderer has that option."""
+    if "samples" in choice.options or "samples" not in find_renderer(choice.name).Options.model_fields:
+        return choice
+    return replace(choice, options={**choice.options, "samples": samples})
 
 
 def choose(text: str) -> Choice:

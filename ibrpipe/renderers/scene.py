@@ -10,6 +10,7 @@ import numpy as np
 from ibrpipe.core.ldi import shade
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.fields import HeightField, PatchField, build_field, texel_size
+from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.renderers.search.epipolar_lines import Map, height_map
 from ibrpipe.renderers.search.patches import Blocks, pack_blocks
 from ibrpipe.renderers.search.quadtree import Sheet, build_sheets
@@ -131,15 +132,19 @@ def prepare(textures: tuple[GridSource, ...]) -> Scene:
     return Scene(layered, tuple(heights), prepare_components(textures))
 
 
-def shade_hits(scene: Scene, hits: Hits, camera: Camera) -> tuple[Array, Array]:
-    """Return the view-independent colour (H, W, 3) of `hits` and where it is known (H, W), float32."""
+def shade_hits(scene: Scene, hits: Hits, camera: Camera, grid: PixelGrid | None = None) -> tuple[Array, Array]:
+    """Return the view-independent colour (H, W, 3) of `hits` and where it is known (H, W), float32.
+
+    `grid` tells where the rays of the hits pass through the camera's picture; absent = through its pixels' centres.
+    """
+    places = (grid or PixelGrid.centers(*hits.depth.shape)).arrays
     color, known = np.zeros((*hits.depth.shape, 3), np.float32), np.zeros(hits.depth.shape, np.float32)
     if scene.patches:
         rays = [field.pose.field_from_pixel(camera) for _, field in scene.patches]
         starts, directions = (np.stack(part) for part in zip(*rays, strict=True))
         records, colors = scene.records
-        shade.shade_patches(hits.depth, hits.ids, records, starts, directions, colors, color, known)
+        shade.shade_patches(hits.depth, hits.ids, places, records, starts, directions, colors, color, known)
     for _, field, base in scene.heights:
         start, directions = field.pose.field_from_pixel(camera)
-        shade.shade_heights(hits.depth, hits.ids, base, start, directions, field.color, color, known)
+        shade.shade_heights(hits.depth, hits.ids, places, base, start, directions, field.color, color, known)
     return color, known

@@ -150,7 +150,9 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
         view_dependence=view_dependence_bytes(inputs.asset),
         seconds={**seconds_of(inputs.run, STAGE.name), STAGE.name: perf_counter() - began},
         machine=describe_machine(),
-        protocol=make_protocol(cameras[0], config.timing_repeats, len(cameras), config.highlight_threshold),
+        protocol=make_protocol(
+            cameras[0], config.timing_repeats, len(cameras), config.highlight_threshold, frames.samples
+        ),
     )
     outputs = Outputs.below(inputs.out)
     write_metrics(metrics, outputs.metrics)

@@ -23,7 +23,7 @@ from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.registry import shows_view_dependence
-from ibrpipe.renderers.renderer_spec import Choice, choose
+from ibrpipe.renderers.renderer_spec import Choice, choose, with_samples
 from ibrpipe.types import Array, Asset, Camera
 from ibrpipe.types.relief_mesh import ReliefMesh
 
@@ -55,6 +55,9 @@ class RenderConfig(StageConfig):
         default=None, ge=1, le=65536, description="Height in pixels; none = follows from the width"
     )
     residuals: bool = Field(default=True, description="Add the view-dependent residuals")
+    samples: Literal[1, 4, 9, 16, 64, "adaptive"] = Field(
+        default="adaptive", description="Rays of a pixel; adaptive = one, and several where a pixel shows an edge"
+    )
     repeats: int = Field(default=3, ge=1, le=1000, description="Times every frame is rendered; the median time counts")
     video: bool = Field(default=False, description="Also write the frames as MP4 (VP9)")
     fps: float = Field(default=24.0, gt=0, le=1000, description="Frames per second of the video")
@@ -127,7 +130,9 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
             pictures = [inputs.out / frame.png for frame in frames if frame.renderer == renderer and frame.png]
             write_video(inputs.out / videos[renderer], pictures, config.fps)
     outputs = Outputs.below(inputs.out)
-    document = Frames(path=config.path, renderers=list(config.renderers), videos=videos, frames=frames)
+    document = Frames(
+        path=config.path, renderers=list(config.renderers), samples=config.samples, videos=videos, frames=frames
+    )
     write_frames(outputs.frames_document, document)
     if config.path == "test" and views.train and not views.test:
         text = f"no photo is held out: the frames show {len(path)} of the {len(views.train)} photos' own views"
@@ -149,7 +154,9 @@ def _render_all(
     """Render and write all frames of one renderer; return their entries of frames.json."""
     renderer = choice.name
     prepared = prepare(asset, renderer)
-    options = ({"residuals": config.residuals} if shows_view_dependence(renderer) else {}) | dict(choice.options)
+    options = ({"residuals": config.residuals} if shows_view_dependence(renderer) else {}) | dict(
+        with_samples(choice, config.samples).options
+    )
     render(prepared, path[0][1].resized(8, 8), renderer, config.outputs, **options)  # compiles, outside the timer
     entries = []
     for name, camera in track(path, f"render {choice.text}"):

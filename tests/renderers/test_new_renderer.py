@@ -68,7 +68,7 @@ def test_it_renders_where_the_exact_search_hits(points, source):
 def test_it_is_listed_and_checked_like_all_others(points, source):
     listed = ibrpipe.renderers()["points"]
     assert listed["accepts"] == ["ReliefTexture", "Texture", "Asset"]
-    assert set(listed["options"]) == {"threads", "brightness"}
+    assert set(listed["options"]) == {"threads", "samples", "brightness"}
     told = re.search(r"`(renderer 'points': [^`]*)`", PAGE).group(1)
     with pytest.raises(RendererError, match=f"^{re.escape(told)}$"):
         ibrpipe.render(source, CAMERA, "points", brightness="much")

@@ -44,7 +44,8 @@ BOUNDS = {
 
 @pytest.mark.parametrize(("renderer", "option"), OPTIONS)
 def test_wrong_values_are_told_in_one_line(renderer, option):
-    wrong = [*NEVER, *BOUNDS.get((renderer, option), (-1, 4097, 1.5, "2", True, None))]
+    shared = {"threads": (-1, 4097, 1.5, "2", True, None), "samples": (0, -4, 2, 65, 1.5, "4", "all", None)}
+    wrong = [*NEVER, *(BOUNDS.get((renderer, option)) or shared[option])]
     wrong += [] if (renderer, option) in ENDLESS else [math.inf]
     for value in wrong:
         with pytest.raises(RendererError) as caught:
@@ -57,7 +58,7 @@ def test_wrong_values_are_told_in_one_line(renderer, option):
 
 
 def test_every_option_has_bounds_that_are_tried():
-    assert set(BOUNDS) | {(name, "threads") for name in BUILT_IN} == set(OPTIONS)
+    assert set(BOUNDS) | {(name, option) for name in BUILT_IN for option in ("threads", "samples")} == set(OPTIONS)
 
 
 @pytest.mark.parametrize(("renderer", "option"), OPTIONS)
@@ -101,7 +102,7 @@ def test_numbers_of_numpy_and_lists_are_taken(renderer, given):
         ("epipolar:search=best", "search is 'best'; choose among: exact, nearest, linear"),
         ("relief:light=1 2", "light is (1, 2); give a place x y z"),
         ("relief:model=shell,mapping=bump", "model 'shell' shows a relief, not mapping 'bump'"),
-        ("ldi:thread=2", "no option 'thread'; its options are: residuals, search, threads"),
+        ("ldi:thread=2", "no option 'thread'; its options are: residuals, samples, search, threads"),
     ],
 )
 def test_the_command_line_tells_them(tmp_path, text, told):

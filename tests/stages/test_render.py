@@ -53,7 +53,7 @@ def frames_of(inputs: Inputs, **settings: object) -> dict:
 
 
 def test_a_frame_holds_the_walls_depth_and_colour(inputs: Inputs) -> None:
-    (entry,) = frames_of(inputs)["frames"]
+    (entry,) = frames_of(inputs, samples=1)["frames"]
     assert entry["view"] == "held"
     assert entry["renderer"] == "ldi"
     depth, picture = read_depth(inputs.out / entry["file"]), read_image(inputs.out / entry["file"])
@@ -122,6 +122,21 @@ def test_an_orbit_keeps_its_distance(inputs: Inputs) -> None:
     assert max(hits) == hits[0]
 
 
+def test_edges_are_smooth_unless_one_ray_is_asked_for(inputs: Inputs) -> None:
+    """Colours in OpenEXR are multiplied by alpha; read back, they are the wall's at its edge, too."""
+    listed = frames_of(inputs)
+    (entry,) = listed["frames"]
+    assert listed["samples"] == "adaptive"
+    picture = read_image(inputs.out / entry["file"])
+    alpha = picture[..., 3]
+    pixel = 2 * 4 * np.tan(np.radians(25)) / 24
+    border = 2 * (2.4 + 2.0) / pixel  # each pixel of it is right to half the distance of its rays
+    assert alpha.sum() == pytest.approx(2.4 * 2.0 / pixel**2, abs=border / 6)
+    assert ((alpha > 0) & (alpha < 1)).sum() > 20
+    np.testing.assert_allclose(picture[alpha > 0][:, :3], np.tile(COLOR, ((alpha > 0).sum(), 1)), rtol=1e-5)
+    np.testing.assert_array_equal(alpha[np.isfinite(read_depth(inputs.out / entry["file"]))] > 0.2, True)
+
+
 def test_the_video_holds_every_frame(inputs: Inputs) -> None:
     import cv2
 
@@ -132,7 +147,8 @@ def test_the_video_holds_every_frame(inputs: Inputs) -> None:
         pictures.append(read[1])
     assert len(pictures) == 3
     assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(10)
-    still = cv2.imread(str(inputs.out / listed["frames"][1]["png"]))
+    still = cv2.imread(str(inputs.out / listed["frames"][1]["png"]), cv2.IMREAD_UNCHANGED)
+    still = still[..., :3] * (still[..., 3:] / 255)
     assert np.abs(pictures[1].astype(int) - still).mean() < 6
 
 

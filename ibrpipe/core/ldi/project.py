@@ -75,13 +75,13 @@ def skip_block(block, field, bounds, pixels, starts, columns, rows):
 
 
 @ordered
-def bound_boxes(block, count, field, corners, cells, pixels, perspective, sign, columns, rows, boxes):
-    # project the patches of a block -> boxes; first > last pixel where no pixel's centre is covered or no
-    # front is seen; a patch that reaches behind the eye may cover all pixels
+def bound_boxes(block, count, field, corners, cells, pixels, perspective, sign, size, reach, boxes):
+    # project the patches of a block -> boxes; first > last pixel where no pixel is covered within `reach` of its
+    # centre, or no front is seen; a patch that reaches behind the eye may cover all pixels
     m00, m01, m02, m03 = pixels[field, 0, 0], pixels[field, 0, 1], pixels[field, 0, 2], pixels[field, 0, 3]
     m10, m11, m12, m13 = pixels[field, 1, 0], pixels[field, 1, 1], pixels[field, 1, 2], pixels[field, 1, 3]
     m20, m21, m22, m23 = pixels[field, 2, 0], pixels[field, 2, 1], pixels[field, 2, 2], pixels[field, 2, 3]
-    last_x, last_y = columns - 1.0, rows - 1.0
+    last_x, last_y = size[0] - 1.0, size[1] - 1.0
     for k in range(count):
         u, v = float(cells[block, 0, k]), float(cells[block, 1, k])
         a, b = float(corners[block, 0, k]), float(corners[block, 1, k])
@@ -98,13 +98,13 @@ def bound_boxes(block, count, field, corners, cells, pixels, perspective, sign, 
         least, greatest = w01 if w01 < w23 else w23, v01 if v01 > v23 else v23
         p01, p23, q01, q23 = x0 if x0 < x1 else x1, x2 if x2 < x3 else x3, x0 if x0 > x1 else x1, x2 if x2 > x3 else x3
         left, right = (
-            np.ceil((p01 if p01 < p23 else p23) - (0.5 + WIDEN)),
-            np.floor((q01 if q01 > q23 else q23) - (0.5 - WIDEN)),
+            np.ceil((p01 if p01 < p23 else p23) - (0.5 + WIDEN) - reach),
+            np.floor((q01 if q01 > q23 else q23) - (0.5 - WIDEN) + reach),
         )
         p01, p23, q01, q23 = y0 if y0 < y1 else y1, y2 if y2 < y3 else y3, y0 if y0 > y1 else y1, y2 if y2 > y3 else y3
         top, bottom = (
-            np.ceil((p01 if p01 < p23 else p23) - (0.5 + WIDEN)),
-            np.floor((q01 if q01 > q23 else q23) - (0.5 - WIDEN)),
+            np.ceil((p01 if p01 < p23 else p23) - (0.5 + WIDEN) - reach),
+            np.floor((q01 if q01 > q23 else q23) - (0.5 - WIDEN) + reach),
         )
         # does the screen turn the wrong way, by a fifth of the patch's size at least, at all corners? A bilinear patch
         # whose corners are about equally far then shows no front anywhere
@@ -268,7 +268,7 @@ def project_patches(patches, blocks, bounds, views, size, keys, floors):
             field, count = blocks[block, 0], blocks[block, 1]
             if not skip_block(block, field, bounds, pixels, rays, columns, rows):
                 bound_boxes(
-                    block, count, field, corners, cells, pixels, perspective[field], signs[field], columns, rows, boxes
+                    block, count, field, corners, cells, pixels, perspective[field], signs[field], size, 0.0, boxes
                 )
                 list_pieces(
                     block, count, field, patches, views, size, boxes, (counts, listed, tags), keys, floors, part

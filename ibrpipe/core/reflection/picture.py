@@ -63,11 +63,13 @@ def put_light(mixed, model, cosine, direction, out):
 @exact_kernel
 def shade_free(depth, ids, known, color, view, surface, model, grid, always, lift, out_state):
     """Set color (H, W, 3) f32 where the reflected ray is free; fill out_state (H, W) u8."""
-    # depth (H, W) f32, inf = none; ids (H, W) u32; known (H, W) f32; view (4, 3) f64: world from pixel, centre
+    # depth (H, W) f32, inf = none; ids (H, W) u32; known (H, W) f32; view = (world from pixel (3, 3), centre (3,),
+    # rows (H, 2), columns (W, 2)) f64: ray (y, x) passes through rows[y] + columns[x] of the picture
     # surface: records, corners, poses, normals, active (F,) bool; model: texels, padded tables, law; grid, always: see
     # :mod:`ibrpipe.core.reflection.occupancy`
     # lift (2,) f64: how far above the surface, and along its direction, a reflected ray starts
     records, corners, poses, normals, active = surface
+    turn, eye, rows, columns = view
     for y in prange(depth.shape[0]):
         weights, mixed = np.empty(CORNERS), np.empty(CHANNELS + TABLES)
         for x in range(depth.shape[1]):
@@ -78,11 +80,11 @@ def shade_free(depth, ids, known, color, view, surface, model, grid, always, lif
             record = records[patch]
             if not active[record[2]]:
                 continue
-            px, py = x + 0.5, y + 0.5
-            wx = far * (px * view[0, 0] + py * view[0, 1] + view[0, 2])
-            wy = far * (px * view[1, 0] + py * view[1, 1] + view[1, 2])
-            wz = far * (px * view[2, 0] + py * view[2, 1] + view[2, 2])
-            ax, ay, az = view[3, 0] + wx, view[3, 1] + wy, view[3, 2] + wz
+            px, py = rows[y, 0] + columns[x, 0], rows[y, 1] + columns[x, 1]
+            wx = far * (px * turn[0, 0] + py * turn[0, 1] + turn[0, 2])
+            wy = far * (px * turn[1, 0] + py * turn[1, 1] + turn[1, 2])
+            wz = far * (px * turn[2, 0] + py * turn[2, 1] + turn[2, 2])
+            ax, ay, az = eye[0] + wx, eye[1] + wy, eye[2] + wz
             p, q = patch_position(poses[record[2]], record, ax, ay, az)
             out_state[y, x] = LEFT
             if not corner_weights(record[4:], p, q, weights):

@@ -121,13 +121,14 @@ def residual_at(point, images, scale, indices, weights, total):
 
 
 @kernel
-def shade(color, depth, eye, world_from_pixel, frames, spirals, images, coded, encode, lost):
+def shade(color, depth, grid, eye, world_from_pixel, frames, spirals, images, coded, encode, lost):
     """Add interpolated residuals to every pixel that is hit.
 
     Each view ray asks the texture through whose rectangle it passes; where some of the four samples lie outside that
     rectangle, the textures whose rectangles they pass through fill in, and all weights are normalised together.
     """
     # color (H, W, 3) f32 linear, in and out; depth (H, W) f32 along camera z; eye (3,), world_from_pixel (3, 3) f64
+    # grid = (rows (H, 2), columns (W, 2)) f64: ray (y, x) passes through rows[y] + columns[x] of the picture
     # frames, spirals, images: see above; coded: residuals are in display code
     # encode (E,) f32: display code of linear i / (E - 1); lost (H,) i64: hit pixels that found no residual
     rotations, origins, scales = frames
@@ -144,7 +145,9 @@ def shade(color, depth, eye, world_from_pixel, frames, spirals, images, coded, e
             z = depth[row, column]
             if not z < np.inf:
                 continue
-            wx, wy, wz = pixel_ray(world_from_pixel, column, row)
+            wx, wy, wz = pixel_ray(
+                world_from_pixel, grid[0][row, 0] + grid[1][column, 0], grid[0][row, 1] + grid[1][column, 1]
+            )
             length = math.sqrt(wx * wx + wy * wy + wz * wz)
             for t in range(textures):
                 into_rectangle(
@@ -177,9 +180,8 @@ def shade(color, depth, eye, world_from_pixel, frames, spirals, images, coded, e
 
 
 @helper
-def pixel_ray(world_from_pixel, column, row):
-    """World direction of the ray through a pixel's centre, one unit of depth long."""
-    x, y = column + 0.5, row + 0.5
+def pixel_ray(world_from_pixel, x, y):
+    """World direction of the ray through (x, y) of the picture, one unit of depth long."""
     return (
         world_from_pixel[0, 0] * x + world_from_pixel[0, 1] * y + world_from_pixel[0, 2],
         world_from_pixel[1, 0] * x + world_from_pixel[1, 1] * y + world_from_pixel[1, 2],

@@ -29,7 +29,7 @@ def mark_images(depth, world_from_pixel, frames, spirals, marks):
         for column in range(width):
             if not depth[row, column] < np.inf:
                 continue
-            wx, wy, wz = pixel_ray(world_from_pixel, column, row)
+            wx, wy, wz = pixel_ray(world_from_pixel, column + 0.5, row + 0.5)
             length = math.sqrt(wx * wx + wy * wy + wz * wz)
             for t in range(textures):
                 into_rectangle(

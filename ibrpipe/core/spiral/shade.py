@@ -181,13 +181,14 @@ def add_images(count, t, tables, work, part, images, texel_idx):
 
 
 @ordered
-def list_hits(depth, known, row, world_from_pixel, state, pixels, used, active, total):
+def list_hits(depth, known, row, grid, world_from_pixel, state, pixels, used, active, total):
     # list the pixels of ROWS rows from `row` on that are hit and have a colour -> how many there are
     count, columns = 0, depth.shape[1]
     for y in range(row, min(row + ROWS, depth.shape[0])):
         for x in range(columns):
             if depth[y, x] < np.inf and known[y, x] > 0.0:
-                state[X, count], state[Y, count], state[Z, count] = x + 0.5, y + 0.5, depth[y, x]
+                state[X, count], state[Y, count] = grid[0][y, 0] + grid[1][x, 0], grid[0][y, 1] + grid[1][x, 1]
+                state[Z, count] = depth[y, x]
                 pixels[count], active[count], used[count] = y * columns + x, count, 0
                 count += 1
     w = world_from_pixel
@@ -275,9 +276,10 @@ def ask_textures(hits, frames, spirals, finds, tables, hit, lanes, batch, counts
 
 @kernel
 def add_residuals(
-    color, depth, known, world_from_pixel, frames, spirals, finds, tables, encode, decode, lost
+    color, depth, known, grid, world_from_pixel, frames, spirals, finds, tables, encode, decode, lost
 ):  # fmt: skip
     # color (h, w, 3) f32 linear, in and out; depth (h, w) f32 along camera z; known (h, w) f32: 0 = leave alone
+    # grid = (rows (h, 2), columns (w, 2)) f64: ray (y, x) passes through rows[y] + columns[x] of the picture
     # frames: see choose_textures; spirals: look_along; finds: find_images; tables: add_images; encode, decode (E,)
     # f32: code of linear (i / (E - 1))^2, linear of code i / (E - 1); lost (parts,) i64: hits without a residual
     rows, columns = depth.shape
@@ -291,7 +293,7 @@ def add_residuals(
         batch, counts = np.empty((textures, BATCH), np.int64), np.zeros(textures, np.int64)
         lost[own] = 0
         for unit in range(own, units, parts):
-            hits = list_hits(depth, known, unit * ROWS, world_from_pixel, state, pixels, used, active, total)
+            hits = list_hits(depth, known, unit * ROWS, grid, world_from_pixel, state, pixels, used, active, total)
             ask_textures(
                 hits, frames, spirals, finds, tables, (state, used, active, total), (work, part, images, texel_idx),
                 batch, counts,

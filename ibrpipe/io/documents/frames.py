@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -30,5 +30,8 @@ class Frames(Document):
     path: str | None = Field(None, description="Camera path as the settings name it; absent = from ibrpipe relief")
     renderers: list[str] = Field(description="Names, in the order asked for")
     options: dict[str, Any] | None = Field(None, description="Options that ibrpipe relief was given")
+    samples: int | Literal["adaptive"] = Field(
+        1, description="Rays of a pixel; adaptive = several where it shows an edge"
+    )
     videos: dict[str, str] = Field(default={}, description="Renderer to MP4 file")
     frames: list[RenderedFrame] = Field(description="All frames, renderer by renderer")

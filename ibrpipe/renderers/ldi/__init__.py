@@ -34,3 +34,11 @@ class LdiRenderer(Renderer["Scene", LdiOptions]):
         from ibrpipe.renderers.ldi.renderer import draw
 
         return draw(data, camera, outputs, options)
+
+    def draw_adaptive(self, data: Scene, camera: Camera, outputs: tuple[str, ...], options: LdiOptions) -> Frame:
+        """Trace several rays only through pixels that show an edge of layered images."""
+        from ibrpipe.renderers.ldi.renderer import draw_adaptive, traces_edges
+
+        if not traces_edges(data, camera, options):
+            return super().draw_adaptive(data, camera, outputs, options)
+        return draw_adaptive(data, camera, outputs, options)

@@ -15,6 +15,7 @@ import numpy as np
 
 from ibrpipe.core.ldi import project_heights
 from ibrpipe.renderers.frames import limited_threads, make_frame
+from ibrpipe.renderers.ldi.edge_rays import draw_means, trace_edges
 from ibrpipe.renderers.ldi.levels import Level, levels_behind, mix
 from ibrpipe.renderers.ldi.options import LdiOptions, Search
 from ibrpipe.renderers.scene import Hits, Scene, shade_hits
@@ -63,6 +64,32 @@ def passes(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: LdiO
         yield make_frame(outputs, mixed.depth, mixed.color, mixed.known, stats)
 
 
+def traces_edges(scene: Scene, camera: Camera, options: LdiOptions) -> bool:
+    """Say whether edges alone can be traced: height fields and searches by rays draw whole pictures."""
+    return bool(scene.patches) and not scene.heights and not _by_rays(scene, camera, options.search)
+
+
+def draw_adaptive(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: LdiOptions) -> Frame:
+    """Render one frame with several rays through pixels that show an edge; coverage of samples needs none."""
+    if scene.soft:
+        return draw(scene, camera, outputs, options)
+    frame = draw(scene, camera, ("color", "depth", "alpha"), options)
+    color, depth, known = frame.color, frame.depth, frame.alpha
+    assert color is not None
+    assert depth is not None
+    assert known is not None
+    began, stats = perf_counter(), dict(frame.stats)
+    with limited_threads(options.threads):
+        edges = trace_edges(scene, camera, depth, known)
+        if edges is not None:
+            for component in scene.components if options.residuals else ():
+                component.add(edges)
+            draw_means(edges, color, known)
+    stats["edge_pixels"] = 0 if edges is None else len(edges.depth)
+    stats["milliseconds"] += 1e3 * (perf_counter() - began)
+    return make_frame(outputs, depth, color, known, stats)
+
+
 def find_hits(scene: Scene, camera: Camera, search: Search = "auto") -> Hits:
     """Find the nearest hit of every pixel's ray over all fields.
 
@@ -72,8 +99,7 @@ def find_hits(scene: Scene, camera: Camera, search: Search = "auto") -> Hits:
         Project the patches, search height fields along whole epipolar lines (layered images are projected), or walk
         every ray through the pyramids; all find the same hits. "auto" takes lines for height fields.
     """
-    pixels = camera.width * camera.height
-    by_rays = search == "quadtree" or (search == "auto" and int(scene.firsts[-1]) > CROWDED * pixels)
+    by_rays = _by_rays(scene, camera, search)
     if scene.patches and not by_rays:
         depth, ids = project(scene, camera)
     else:
@@ -88,6 +114,11 @@ def find_hits(scene: Scene, camera: Camera, search: Search = "auto") -> Hits:
         for one in scene.maps:
             cast_map(one, camera, depth, ids)
     return Hits(depth, ids)
+
+
+def _by_rays(scene: Scene, camera: Camera, search: Search) -> bool:
+    crowded = int(scene.firsts[-1]) > CROWDED * camera.width * camera.height
+    return search == "quadtree" or (search == "auto" and crowded)
 
 
 def _project_heights(scene: Scene, camera: Camera, depth: Array, ids: Array) -> None:

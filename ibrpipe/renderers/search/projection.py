@@ -25,6 +25,21 @@ def project_behind(scene: Scene, camera: Camera, floors: Array, ranks: int) -> t
     floors : (H * W,) int64
         Float32 bits of a camera depth, times 2**32, plus the number of a hit there; -1 = the eye.
     """
+    parts, (columns, rows) = numba.get_num_threads(), (camera.width, camera.height)
+    memory = scene.pictures.pop() if scene.pictures else np.empty(0, np.int64)
+    if len(memory) < parts * ranks * columns * rows:
+        memory = np.empty(parts * ranks * columns * rows, np.int64)
+    keys = memory[: parts * ranks * columns * rows].reshape(parts, ranks, columns * rows)
+    views, blocks = patch_views(scene, camera), scene.blocks
+    project_patches(blocks.patches, blocks.blocks, blocks.bounds, views, (columns, rows), keys, floors)
+    depth, ids = np.empty((ranks, rows, columns), np.float32), np.empty((ranks, rows, columns), np.uint32)
+    merge_pictures(keys, columns, depth, ids)
+    scene.pictures.append(memory)
+    return depth, ids
+
+
+def patch_views(scene: Scene, camera: Camera) -> tuple[Array, Array, Array, Array, Array]:
+    """Return what :mod:`ibrpipe.core.ldi.project` calls views: pixels, rays, eyes, signs, perspective."""
     poses = [field.pose for _, field in scene.patches]
     starts, directions = (
         np.stack(part) for part in zip(*(pose.field_from_pixel(camera) for pose in poses), strict=True)
@@ -33,18 +48,7 @@ def project_behind(scene: Scene, camera: Camera, floors: Array, ranks: int) -> t
     eyes = np.array([EYE * field.reach for _, field in scene.patches])
     signs = np.sign(np.linalg.det(pixels[:, :, :3])) * np.sign(starts[:, 3])  # the line to an eye behind a frame's
     perspective = np.array([pose.perspective for pose in poses])
-    parts, (columns, rows) = numba.get_num_threads(), (camera.width, camera.height)
-    memory = scene.pictures.pop() if scene.pictures else np.empty(0, np.int64)
-    if len(memory) < parts * ranks * columns * rows:
-        memory = np.empty(parts * ranks * columns * rows, np.int64)
-    keys = memory[: parts * ranks * columns * rows].reshape(parts, ranks, columns * rows)
-    views = (pixels, pack_rays(starts, directions), eyes, signs, perspective)
-    blocks = scene.blocks
-    project_patches(blocks.patches, blocks.blocks, blocks.bounds, views, (columns, rows), keys, floors)
-    depth, ids = np.empty((ranks, rows, columns), np.float32), np.empty((ranks, rows, columns), np.uint32)
-    merge_pictures(keys, columns, depth, ids)
-    scene.pictures.append(memory)
-    return depth, ids
+    return pixels, pack_rays(starts, directions), eyes, signs, perspective
 
 
 def pack_rays(start: Array, directions: Array) -> Array:

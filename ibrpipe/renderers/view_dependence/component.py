@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from ibrpipe.io.components import find_kind
+from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.types import Array, Camera, Texture
 from ibrpipe.types.renderable import GridSource
 
@@ -31,6 +32,8 @@ class Picture:
     depth : (H, W) float32, along camera z, scene units; +inf where nothing is hit
     ids : (H, W) uint32, number of the patch or cell that is hit, as `scene` counts them
     known : (H, W) float32, 0 where the colour is not known and nothing may be added
+    grid : PixelGrid, optional
+        Where the rays pass through the camera's picture; absent = through its pixels' centres.
     """
 
     scene: Scene
@@ -39,6 +42,17 @@ class Picture:
     depth: Array
     ids: Array
     known: Array
+    grid: PixelGrid | None = None
+
+    @property
+    def places(self) -> PixelGrid:
+        """Where the rays pass through the camera's picture."""
+        return self.grid or PixelGrid.centers(*self.depth.shape)
+
+    @property
+    def rays(self) -> Array:
+        """(H, W, 3) float64, directions of all rays in the world, one unit of depth long."""
+        return self.camera.pixel_rays(self.places.points.reshape(-1, 2)).reshape(*self.depth.shape, 3)
 
 
 class Tables(Protocol):

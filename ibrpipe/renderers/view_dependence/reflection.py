@@ -16,6 +16,7 @@ from ibrpipe.core.reflection.model import CHANNELS, predict
 from ibrpipe.core.reflection.picture import LEFT, SHADED, shade_free
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.frames import limited_threads
+from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.renderers.view_dependence.mirror import CLEAR, LIFT, Looks, Surface, look, make_surface, meet_surface
@@ -68,7 +69,9 @@ class Model:
         return np.minimum(np.nan_to_num(self.colors(where, traits, corners)), np.float32(BRIGHTEST))
 
 
-def look_through(surface: Surface, camera: Camera, depth: Array, ids: Array, hit: Array, size: int) -> Looks:
+def look_through(
+    surface: Surface, camera: Camera, depth: Array, ids: Array, hit: Array, size: int, grid: PixelGrid | None = None
+) -> Looks:
     """Look at the hits of a picture's pixels.
 
     Parameters
@@ -76,9 +79,11 @@ def look_through(surface: Surface, camera: Camera, depth: Array, ids: Array, hit
     depth, ids : (H, W) float32 along camera z, (H, W) uint32 patches
     hit : (H, W) bool
         Pixels to look at.
+    grid : PixelGrid, optional
+        Where the rays of (H, W) pass through the camera's picture; absent = through its pixels' centres.
     """
-    row, column = np.nonzero(hit)
-    rays = camera.pixel_rays(np.stack([column, row], axis=1) + 0.5)
+    (row, column), places = np.nonzero(hit), grid or PixelGrid.centers(*hit.shape)
+    rays = camera.pixel_rays(places.rows[row] + places.columns[column])
     points = camera.center + depth[hit][:, None].astype(np.float64) * rays
     return look(surface, points, ids[hit].astype(np.int64), camera.center, size)
 
@@ -136,7 +141,7 @@ class Mirrors:
     def shade_free(self, picture: Picture) -> tuple[Array, int]:
         """Shade pixels whose reflected rays meet nothing: (H, W) bool of those that are left, and how many are done."""
         surface, model, camera = self.surface, self.model, picture.camera
-        view = np.concatenate([camera.world_from_pixel, camera.center[None]])
+        view = (np.ascontiguousarray(camera.world_from_pixel), camera.center, *picture.places.arrays)
         patches = (surface.records, surface.corners, surface.poses, surface.normals, self.active)
         lift, state = np.array([LIFT, CLEAR]) * surface.texel, np.empty(picture.depth.shape, np.uint8)
         grid, lights = surface.occupancy.grid, (model.texels, self.padded, model.law)
@@ -178,7 +183,8 @@ class ReflectionDrawer:
         mirrors = tables.of(picture.scene)
         left, shaded = mirrors.shade_free(picture)
         with limited_threads(0 if np.count_nonzero(left) > FEW else 1):
-            seen = look_through(mirrors.surface, picture.camera, picture.depth, picture.ids, left, mirrors.model.size)
+            size, seen_at = mirrors.model.size, picture.places
+            seen = look_through(mirrors.surface, picture.camera, picture.depth, picture.ids, left, size, seen_at)
             light = shade_looks(mirrors.surface, mirrors.model, seen)
         shown = np.isfinite(light[:, 0])
         left[left] = shown

@@ -13,6 +13,7 @@ from ibrpipe.core.spiral import directions
 from ibrpipe.core.spiral.lookup import shade
 from ibrpipe.core.spiral.shade import add_residuals
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.types import Array, Camera, SpiralResiduals, Texture
 
@@ -62,7 +63,7 @@ class SpiralDrawer:
 
     def add(self, tables: Tables, picture: Picture) -> Mapping[str, int]:
         """Add residuals; tell how many pixels found none."""
-        lost = add(tables, picture.color, picture.depth, picture.camera, picture.known)
+        lost = add(tables, picture.color, picture.depth, picture.camera, picture.known, picture.grid)
         return {"without_residual": lost}
 
 
@@ -189,7 +190,14 @@ def _words(residuals: SpiralResiduals) -> Array:
     return parts.view("<u4")[:, 0].astype(np.uint32, copy=False)
 
 
-def add(tables: Tables, color: Array, depth: Array, camera: Camera, known: Array | None = None) -> int:
+def add(
+    tables: Tables,
+    color: Array,
+    depth: Array,
+    camera: Camera,
+    known: Array | None = None,
+    grid: PixelGrid | None = None,
+) -> int:
     """Add residuals to a view-independent picture in place.
 
     Parameters
@@ -199,6 +207,8 @@ def add(tables: Tables, color: Array, depth: Array, camera: Camera, known: Array
     camera : Camera
     known : (H, W) float32, optional
         0 where nothing is added, because the colour is not known.
+    grid : PixelGrid, optional
+        Where the rays of (H, W) pass through the camera's picture; absent = through its pixels' centres.
 
     Returns
     -------
@@ -207,14 +217,28 @@ def add(tables: Tables, color: Array, depth: Array, camera: Camera, known: Array
     """
     world_from_pixel = np.ascontiguousarray(camera.world_from_pixel)
     known = np.ones_like(depth) if known is None else known
+    places = (grid or PixelGrid.centers(*depth.shape)).arrays
     if not tables.packed:
         lost = np.zeros(len(depth), np.int64)
         seen = np.where(known > 0, depth, np.float32(np.inf))
         frames = tables.rotations, tables.origins, tables.scales
-        shade(color, seen, camera.center, world_from_pixel, frames, *tables.arrays, tables.coded, tables.encode, lost)
+        shade(
+            color,
+            seen,
+            places,
+            camera.center,
+            world_from_pixel,
+            frames,
+            *tables.arrays,
+            tables.coded,
+            tables.encode,
+            lost,
+        )
         return int(lost.sum())
     eyes = np.einsum("trc,tc->tr", tables.rotations, camera.center - tables.origins)
     lost = np.zeros(numba.get_num_threads(), np.int64)
     frames = tables.rotations @ world_from_pixel, eyes, tables.scales
-    add_residuals(color, depth, known, world_from_pixel, frames, *tables.arrays, tables.encode, tables.decode, lost)
+    add_residuals(
+        color, depth, known, places, world_from_pixel, frames, *tables.arrays, tables.encode, tables.decode, lost
+    )
     return int(lost.sum())

@@ -112,9 +112,8 @@ def test_boxes_hold_the_pixels_of_their_patches(view):
     camera = CAMERAS[view]
     field, blocks, views = packed(layers(), camera)
     boxes, count = np.empty((6, project.BLOCK)), len(field.corners)
-    project.bound_boxes(
-        0, count, 0, blocks.corners, blocks.patches[1], views[0], False, views[3][0], camera.width, camera.height, boxes
-    )
+    size = (camera.width, camera.height)
+    project.bound_boxes(0, count, 0, blocks.corners, blocks.patches[1], views[0], False, views[3][0], size, 0.0, boxes)
     seen = 0
     for k in range(count):
         corners = homogeneous(blocks, views, k)
@@ -169,7 +168,7 @@ def test_listed_pieces_are_met_once_their_list_is_full_or_when_asked():
     camera = CAMERAS["front"]
     field, blocks, views = packed(layers(), camera)
     boxes, count, size = np.empty((6, project.BLOCK)), len(field.corners), (camera.width, camera.height)
-    project.bound_boxes(0, count, 0, blocks.corners, blocks.patches[1], views[0], False, views[3][0], *size, boxes)
+    project.bound_boxes(0, count, 0, blocks.corners, blocks.patches[1], views[0], False, views[3][0], size, 0.0, boxes)
     counts, listed = np.zeros(4, np.int64), np.empty((4, 9, project.LIST), np.float32)
     tags, keys = np.empty((4, 5, project.LIST), np.int64), np.full((1, 1, 17 * 13), project.NOTHING, np.int64)
     least = floors(camera)

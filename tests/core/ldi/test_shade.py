@@ -8,6 +8,7 @@ from small_fields import CAMERAS, layers, relief
 
 from ibrpipe.core.ldi import shade
 from ibrpipe.renderers.ldi.renderer import find_hits
+from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.renderers.scene import prepare
 
 CAMERA = CAMERAS["front"]
@@ -31,7 +32,7 @@ def test_heights_take_the_mean_of_four_texels():
     start, turn = field.pose.field_from_pixel(CAMERA)
     out, known = np.full((*depth.shape, 3), -1, np.float32), np.zeros(depth.shape, np.float32)
     ids[3, 4] = base + field.cells  # of another field
-    shade.shade_heights(depth, ids, base, start, turn, color, out, known)
+    shade.shade_heights(depth, ids, PixelGrid.centers(*depth.shape).arrays, base, start, turn, color, out, known)
     mine = np.isfinite(depth)
     mine[3, 4] = False
     np.testing.assert_array_equal(known, mine)
@@ -53,7 +54,9 @@ def test_patches_take_the_mean_of_the_corners_that_are_known(unseen):
     color[:, 3] = 0.0 if unseen else np.arange(len(color)) % 3 > 0
     start, turn = scene.patches[0][1].pose.field_from_pixel(CAMERA)
     out, known = np.zeros((*depth.shape, 3), np.float32), np.full(depth.shape, -1, np.float32)
-    shade.shade_patches(depth, ids, records, start[None], turn[None], color, out, known)
+    shade.shade_patches(
+        depth, ids, PixelGrid.centers(*depth.shape).arrays, records, start[None], turn[None], color, out, known
+    )
     assert (known[np.isinf(depth)] == -1).all()
     assert np.isfinite(depth).sum() > 20
     for y, x in np.argwhere(np.isfinite(depth)):

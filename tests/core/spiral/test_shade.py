@@ -12,6 +12,7 @@ from spiral_scene import CAMERA, frames_of, members, picture, tables_of
 
 from ibrpipe.core.spiral import shade as steps
 from ibrpipe.core.spiral.lookup import shade
+from ibrpipe.renderers.pixel_grid import PixelGrid
 
 BOTH = pytest.mark.parametrize("closed", [True, False])
 BATCH = steps.BATCH
@@ -137,7 +138,9 @@ def test_hits_with_a_colour_are_listed_row_by_row(row):
     state, total, pixels, used, active = hit_memory(steps.ROWS * 11)
     used[:] = 3
     way = CAMERA.world_from_pixel
-    count = steps.list_hits(depth, known, row, way, state, pixels, used, active, total)
+    count = steps.list_hits(
+        depth, known, row, PixelGrid.centers(*depth.shape).arrays, way, state, pixels, used, active, total
+    )
     wanted = [(y, x) for y, x in np.argwhere(np.isfinite(depth) & (known > 0)) if row <= y < row + steps.ROWS]
     assert count == len(wanted)
     assert list(pixels[:count]) == [11 * y + x for y, x in wanted]
@@ -148,7 +151,12 @@ def test_hits_with_a_colour_are_listed_row_by_row(row):
         assert tuple(state[:3, n]) == (x + 0.5, y + 0.5, depth[y, x])
         assert state[steps.LENGTH, n] == pytest.approx(np.linalg.norm(way @ (x + 0.5, y + 0.5, 1)))
     nothing = np.full(depth.shape, np.inf, np.float32)
-    assert steps.list_hits(nothing, known, row, way, state, pixels, used, active, total) == 0
+    assert (
+        steps.list_hits(
+            nothing, known, row, PixelGrid.centers(*depth.shape).arrays, way, state, pixels, used, active, total
+        )
+        == 0
+    )
 
 
 def test_residuals_are_added_in_display_code_and_lost_pixels_counted():
@@ -236,8 +244,8 @@ def test_the_fast_pass_equals_the_twin_whatever_the_threads(closed):
     def added():
         out, lost = color.copy(), np.full(3, 99)
         steps.add_residuals(
-            out, depth, known, np.ascontiguousarray(CAMERA.world_from_pixel), frames_of(tables), *tables.arrays,
-            tables.encode, tables.decode, lost
+            out, depth, known, PixelGrid.centers(*depth.shape).arrays, np.ascontiguousarray(CAMERA.world_from_pixel),
+            frames_of(tables), *tables.arrays, tables.encode, tables.decode, lost
         )  # fmt: skip
         return out, lost
 
@@ -257,7 +265,18 @@ def test_the_plain_pass_equals_the_twin_whatever_the_threads(closed, coded):
     def added():
         out, lost = color.copy(), np.full(len(depth), 99)
         frames, way = (tables.rotations, tables.origins, tables.scales), np.ascontiguousarray(CAMERA.world_from_pixel)
-        shade(out, depth, CAMERA.center, way, frames, *tables.arrays, coded, tables.encode, lost)
+        shade(
+            out,
+            depth,
+            PixelGrid.centers(*depth.shape).arrays,
+            CAMERA.center,
+            way,
+            frames,
+            *tables.arrays,
+            coded,
+            tables.encode,
+            lost,
+        )
         return out, lost
 
     out, lost = on_all_thread_counts(added)
@@ -270,7 +289,8 @@ def test_nothing_hit_changes_nothing():
     tables, color = tables_of(members()), picture()[0]
     out, lost, nothing = color.copy(), np.full(2, 9), np.full((9, 11), np.inf, np.float32)
     way = np.ascontiguousarray(CAMERA.world_from_pixel)
-    steps.add_residuals(out, nothing, np.ones_like(nothing), way, frames_of(tables), *tables.arrays, tables.encode,
-                        tables.decode, lost)  # fmt: skip
+    places = PixelGrid.centers(9, 11).arrays
+    steps.add_residuals(out, nothing, np.ones_like(nothing), places, way, frames_of(tables), *tables.arrays,
+                        tables.encode, tables.decode, lost)  # fmt: skip
     np.testing.assert_array_equal(out, color)
     assert not lost.any()
