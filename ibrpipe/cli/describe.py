@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ibrpipe.config import Document
 from ibrpipe.engine.artifacts import products
-from ibrpipe.errors import FormatError, MissingFileError
+from ibrpipe.engine.run_document import RunDocument
+from ibrpipe.errors import MissingFileError
 from ibrpipe.io.manifest import RUN_NAME, Manifest, files_below, read_manifest
 from ibrpipe.stages.registry import load_stages
 
@@ -44,23 +45,6 @@ def describe(path: Path) -> Facts:
     if any(read_manifest(path / stage.folder) for stage in load_stages()):
         return _run(path)
     return _capture(path)
-
-
-def read_object(path: Path) -> Facts:
-    """Return the JSON object in a file.
-
-    Raises
-    ------
-    FormatError
-        There is no JSON object in it.
-    """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise FormatError(f"{path}: not JSON ({error}); was it cut off or edited?") from error
-    if not isinstance(content, dict):
-        raise FormatError(f"{path}: expected a JSON object, got {type(content).__name__}")
-    return content
 
 
 def bytes_below(folder: Path) -> int:
@@ -118,9 +102,12 @@ def _sizes(views: Sequence[Any]) -> list[str]:
 
 
 def _run(path: Path) -> Facts:
-    known = read_object(path / RUN_NAME) if (path / RUN_NAME).is_file() else {}  # single stages write none
-    facts: Facts = {"kind": "run", "path": str(path), **known}
-    facts.pop("settings", None)
+    from ibrpipe.evaluation.metrics import read_metrics
+
+    facts: Facts = {"kind": "run", "path": str(path)}
+    if (path / RUN_NAME).is_file():  # single stages write none
+        known = RunDocument.read(path / RUN_NAME, "is no note of a run", "first")
+        facts |= known.model_dump(exclude={"settings"})
     facts["stages"] = {}
     stages = load_stages()
     for stage in stages:
@@ -129,11 +116,15 @@ def _run(path: Path) -> Facts:
             facts["stages"][stage.name] = _cost(manifest)
     metrics = path / products(stages)["metrics"].path
     if metrics.is_file():
-        content = read_object(metrics)
-        scores = content if content["views"] else content.get("training") or content
-        facts |= {name: scores[name] for name in ("renderers", "baselines")} | {"bytes": content["bytes"]}
-        facts |= {"not_measured": content["not_measured"]} if content.get("not_measured") else {}
+        content = read_metrics(metrics)
+        scores = content if content.views or content.training is None else content.training
+        facts |= {name: _plain(getattr(scores, name)) for name in ("renderers", "baselines")} | {"bytes": content.bytes}
+        facts |= {"not_measured": content.not_measured} if content.not_measured else {}
     return facts
+
+
+def _plain(scores: Mapping[str, Document]) -> Facts:
+    return {name: each.model_dump(mode="json") for name, each in scores.items()}
 
 
 def _cost(manifest: Manifest) -> Facts:

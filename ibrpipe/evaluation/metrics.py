@@ -161,4 +161,4 @@ def write_metrics(metrics: MetricsModel, path: Path) -> None:
 
 def read_metrics(path: Path) -> MetricsModel:
     """Read a ``metrics.json``; unknown keys and wrong types are errors."""
-    return MetricsModel.model_validate_json(Path(path).read_text(encoding="utf-8"))
+    return MetricsModel.read(Path(path), "is no list of scores", "evaluate")
