@@ -146,6 +146,8 @@ def _asset(path: Path) -> Facts:
     facts["textures"] = {entry.name: _texture(path, entry) for entry in index.textures}
     if rungs := _rungs(index.provenance):
         facts["rungs"] = rungs
+    if any("error" in entry.measured for entry in index.textures):
+        facts["errors"] = {entry.name: _error(entry) for entry in index.textures}
     if any(entry.coding is not None for entry in index.textures):
         facts["coding"] = {entry.name: _coding(entry) for entry in index.textures}
     return facts
@@ -177,6 +179,17 @@ def _texture(folder: Path, entry: TextureEntry) -> Facts:
     facts["layers_bytes"] = (folder / entry.layers).stat().st_size
     facts["residual_bytes"] = sum(component_bytes(component, folder) for component in entry.components)
     return facts
+
+
+def _error(entry: TextureEntry) -> Facts:
+    """Return the error that is to be expected of a texture, and the worst of its tiles."""
+    told = entry.measured.get("error")
+    error: Facts = told if isinstance(told, dict) else {}
+    names = ("measured_on", "pixels", "color_rms", "depth_rms", "coverage", "confidence")
+    facts = {name: error.get(name) for name in names}
+    tiles = error.get("tiles")
+    known = [value for value in (tiles.get("color_rms") or [] if isinstance(tiles, dict) else []) if value is not None]
+    return facts | {"worst_tile_color_rms": max(known, default=None)}
 
 
 def _coding(entry: TextureEntry) -> Facts:

@@ -15,6 +15,7 @@ from ibrpipe.core.color import srgb_encode
 from ibrpipe.errors import MissingFileError
 from ibrpipe.io.assets import AssetIndex, TextureEntry, schema_of, write_coded, write_component, write_index
 from ibrpipe.io.components import Component, ComponentFiles, SampleFiles, find_kind
+from ibrpipe.io.documents.texture_errors import TextureErrors
 from ibrpipe.io.layer_pictures import Coding
 from ibrpipe.io.layer_pictures.avif import THOROUGH
 from ibrpipe.types import Asset, LayeredDepthImage, ViewDependence
@@ -115,13 +116,18 @@ def _bytes(folder: Path, told: Component) -> int:
 
 
 def finish(
-    index: AssetIndex, out: Path, losses: Sequence[dict[str, Any] | None], provenance: dict[str, Any] | None = None
+    index: AssetIndex,
+    out: Path,
+    losses: Sequence[dict[str, Any] | None],
+    provenance: dict[str, Any] | None = None,
+    errors: Sequence[TextureErrors] = (),
 ) -> None:
     """Write ``asset.json`` with what every texture lost, and what is known of the coding of the whole.
 
     Parameters
     ----------
     losses : a dict per texture, told as ``measured.coding``; None = left out
+    errors : one per texture, told as ``measured.error``
     provenance : dict, optional
         Told as ``provenance.compression``.
     """
@@ -129,6 +135,8 @@ def finish(
         entry.model_copy(update={"measured": entry.measured | ({} if lost is None else {"coding": lost})})
         for entry, lost in zip(index.textures, losses, strict=True)
     ]
+    for entry, error in zip(textures, errors, strict=False):
+        entry.measured["error"] = error.model_dump(exclude_none=True)
     more = {} if provenance is None else {"compression": provenance}
     write_index(index.model_copy(update={"textures": textures, "provenance": {**index.provenance, **more}}), out, None)
 

@@ -13,9 +13,10 @@ from pydantic import Field, model_validator
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.evaluation.photo_fit import PhotoFit, mean_of
+from ibrpipe.evaluation.texture_errors import texture_errors
 from ibrpipe.io.assets import INDEX, AssetIndex, read_asset, read_index
 from ibrpipe.io.recoding import finish, losses, texture_bytes
-from ibrpipe.io.views import View, read_views
+from ibrpipe.io.views import View, ViewSet, read_views
 from ibrpipe.modelling.compression.coder import Coder, size_of
 from ibrpipe.modelling.compression.document import Compression, PartLevel, Trial
 from ibrpipe.modelling.compression.parts import Parts, curves_of, square
@@ -113,8 +114,8 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
         The asset or the views cannot be read.
     """
     index, asset = read_index(inputs.asset), read_asset(inputs.asset)
-    train = read_views(inputs.views).train
-    fit = PhotoFit(_spread(train, config.measured_views))
+    views = read_views(inputs.views)
+    fit = PhotoFit(_spread(views.train, config.measured_views))
     each, every = fit.each(asset), -(-len(fit.views) // _FEW)
     coder, before = Coder(inputs.asset, index, asset, fit.psnr, inputs.out), _rounded(mean_of(each))
     few, curves = mean_of(each[::every]), {}
@@ -137,7 +138,7 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
         parts={name: _told(name, curve, before or 0.0, config) for name, curve in curves.items()},
         trials=coder.trials,
     )
-    _finish(coder, inputs, told)
+    _finish(coder, inputs, views, told)
     return Outputs.below(inputs.out)
 
 
@@ -201,15 +202,16 @@ def _told(name: str, curve: Curve, before: float, config: CompressConfig) -> lis
     ]
 
 
-def _finish(coder: Coder, inputs: Inputs, told: Compression) -> None:
-    """Write the index with what every texture lost, and `compression.json`."""
+def _finish(coder: Coder, inputs: Inputs, views: ViewSet, told: Compression) -> None:
+    """Write the index with what every texture lost and errs, and `compression.json`."""
     index, coded = read_index(inputs.out), read_asset(inputs.out)
+    errors = texture_errors(coded, views, [texture.layers.observers for texture in coder.asset.textures])
     lost: list[dict[str, Any]] = []
     for i, (old, new) in enumerate(zip(coder.asset.textures, coded.textures, strict=True)):
         sizes = [texture_bytes(coder.index.textures[i], inputs.asset), texture_bytes(index.textures[i], inputs.out)]
         lost.append({"bytes_before": sizes[0], "bytes": sizes[1], **losses(old.layers, new.layers)})
     summary = {"why": told.why, "psnr_before": told.psnr_before, "psnr": told.chosen.psnr}
-    finish(index, inputs.out, lost, summary)
+    finish(index, inputs.out, lost, summary, errors)
     (inputs.out / "compression.json").write_text(told.to_json(), encoding="utf-8")
 
 

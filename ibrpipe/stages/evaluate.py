@@ -8,7 +8,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numba
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationError, field_validator
 
 import ibrpipe
 from ibrpipe.capture.photo_set import load_photos
@@ -32,15 +32,18 @@ from ibrpipe.evaluation.metrics import (
 )
 from ibrpipe.evaluation.protocol import make_protocol
 from ibrpipe.evaluation.report import ViewPictures, read_sources, write_report
+from ibrpipe.evaluation.report.error_pictures import ErrorPictures, draw_errors
 from ibrpipe.evaluation.report.surface_pictures import SurfacePictures, draw_surface
 from ibrpipe.evaluation.report.words import summary_lines
 from ibrpipe.evaluation.scoring import score_views
 from ibrpipe.evaluation.sizes import bytes_of, seconds_of, view_dependence_bytes
 from ibrpipe.evaluation.timing import time_methods, timed_size
+from ibrpipe.io.assets import read_index
+from ibrpipe.io.documents.texture_errors import TextureErrors
 from ibrpipe.io.frames import read_frames
 from ibrpipe.io.surfaces.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import ViewSet, read_views, spread
-from ibrpipe.types import Camera, Mesh
+from ibrpipe.types import Asset, Camera, Mesh
 
 
 class EvaluateConfig(StageConfig):
@@ -129,7 +132,8 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     mesh = read_mesh(inputs.mesh)
     truth, geometry, surfaces = _surface(inputs, config, mesh, views)
     caster = MeshCaster(mesh, threads=numba.get_num_threads())
-    methods = compare_methods(ibrpipe.read_asset(inputs.asset), frames, caster, load_photos(views.train, caster))
+    asset = ibrpipe.read_asset(inputs.asset)
+    methods = compare_methods(asset, frames, caster, load_photos(views.train, caster))
     scored, pictures = _scored(methods, views, config)
     cameras = spread([timed_size(view.camera, config.timing_width) for view in views.shown], config.timing_views)
     speeds = _speeds(time_methods(methods.timed, cameras, config.timing_repeats, config.timing_seconds), cameras)
@@ -157,7 +161,8 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     outputs = Outputs.below(inputs.out)
     write_metrics(metrics, outputs.metrics)
     told = read_sources(views, inputs.plan, inputs.audit, inputs.geometry)
-    write_report(outputs.report, metrics, pictures, told, surfaces)
+    errors = _errors(inputs, config, asset, views)
+    write_report(outputs.report, metrics, pictures, told, surfaces, errors)
     lines = summary_lines(metrics) + ([] if truth is None else _told(truth, geometry))
     (inputs.out / "summary.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return outputs
@@ -196,6 +201,16 @@ def _surface(
         return truth, None, []
     shown = spread(views.shown, config.surface_views)
     return truth, scores, draw_surface(mesh, shown, config.picture_width, confidence, true)
+
+
+def _errors(inputs: Inputs, config: EvaluateConfig, asset: Asset, views: ViewSet) -> list[ErrorPictures]:
+    """Draw what the asset says of its own errors, if it does."""
+    said = [texture.measured.get("error") for texture in read_index(inputs.asset).textures]
+    try:
+        errors = [TextureErrors.model_validate(each) for each in said]
+    except ValidationError:
+        return []
+    return draw_errors(asset, errors, spread(views.shown, config.surface_views), config.picture_width)
 
 
 def _told(truth: TrueSurface, scores: GeometryScores | None) -> list[str]:

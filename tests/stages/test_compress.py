@@ -15,6 +15,7 @@ from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.core.spiral import directions
 from ibrpipe.errors import FormatError
 from ibrpipe.io.assets import read_asset, read_index, write_asset
+from ibrpipe.io.documents.texture_errors import TextureErrors
 from ibrpipe.io.photos.images import write_png
 from ibrpipe.io.views import View, ViewSet, write_views
 from ibrpipe.renderers.api import render
@@ -100,6 +101,19 @@ def test_the_asset_says_how_it_is_coded_and_what_that_lost(inputs: Inputs) -> No
     assert shown["color_quality"] == found["chosen"]["layers"]["color_quality"]
     assert shown["color_psnr"] == index.textures[0].measured["coding"]["color_psnr"]
     assert "coding" not in describe(inputs.asset)
+
+
+def test_the_asset_says_what_error_to_expect(inputs: Inputs) -> None:
+    told(inputs, loss_db=0.5)
+    for entry in read_index(inputs.out).textures:
+        errors = TextureErrors.model_validate(entry.measured["error"])
+        assert errors.measured_on == "training photos"
+        assert (errors.coverage, errors.confidence) == (1, pytest.approx(3 / 5))
+    first = read_index(inputs.out).textures[0].measured["error"]
+    assert 0.02 * 255 < first["color_rms"] < 0.03 * 255  # the photos' noise, and what is lost
+    shown = describe(inputs.out)["errors"]["texture_00"]
+    assert shown["color_rms"] == first["color_rms"]
+    assert shown["worst_tile_color_rms"] >= first["color_rms"]
 
 
 @pytest.mark.parametrize("share", [0.7, 0.3, 0.1])

@@ -10,6 +10,7 @@ from typing import Any
 from ibrpipe.evaluation.headline import headline, judged
 from ibrpipe.evaluation.metrics import MetricsModel
 from ibrpipe.evaluation.report import words
+from ibrpipe.evaluation.report.error_pictures import WORST_CODES, ErrorPictures
 from ibrpipe.evaluation.report.pictures import GAIN, UNCOVERED, ViewPictures, heat_colors
 from ibrpipe.evaluation.report.plot import speed_error_plot
 from ibrpipe.evaluation.report.sources import ReportSources
@@ -39,9 +40,10 @@ def write_report(
     pictures: Sequence[ViewPictures],
     sources: ReportSources,
     surfaces: Sequence[SurfacePictures] = (),
+    errors: Sequence[ErrorPictures] = (),
 ) -> None:
     """Write ``report.html``: one file without scripts that loads nothing from anywhere."""
-    path.write_text(render_page(metrics, pictures, sources, surfaces), encoding="utf-8")
+    path.write_text(render_page(metrics, pictures, sources, surfaces, errors), encoding="utf-8")
 
 
 def render_page(
@@ -49,6 +51,7 @@ def render_page(
     pictures: Sequence[ViewPictures],
     sources: ReportSources,
     surfaces: Sequence[SurfacePictures] = (),
+    errors: Sequence[ErrorPictures] = (),
 ) -> str:
     """Return the page as HTML text."""
     from jinja2 import Environment, StrictUndefined
@@ -87,6 +90,8 @@ def render_page(
         total_seconds=sum(metrics.seconds.values()),
         heat=_gradient(heat_colors()),
         surfaces=surfaces,
+        errors=errors,
+        worst_codes=WORST_CODES,
         surface_lines=surface_sentences(
             metrics.geometry, sources.geometry, metrics.geometry_truth, sources.geometry_memory_bytes
         ),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ibrpipe.core.reflection.directions import fold, pad
 from ibrpipe.core.reflection.model import CHANNELS, DARK, add_gradients
@@ -32,6 +33,7 @@ class FitRules:
     batches : steps a round
     rates : largest step of square roots of D, of k, of square roots of E
     smoothness : of neighbouring cells of a table, against a mean cell's observations
+    evenness : of neighbouring samples' weights, against a mean sample's observations
     bend : error in square roots of light from which on it counts linearly
     damping : how much of D goes at grazing angles
     """
@@ -42,6 +44,7 @@ class FitRules:
     batches: int = 4
     rates: tuple[float, float, float] = (0.02, 0.04, 0.05)
     smoothness: float = 0.003
+    evenness: float = 0.01
     bend: float = 0.2
     damping: float = 0.9
 
@@ -147,6 +150,7 @@ class _Pace:
         rows = max(int(counts.sum()) for _, counts in self.chunks)
         self.parts = np.empty((rows, texels.shape[1]), np.float32)
         self.table_parts = np.empty((CHUNKS, *model.padded.shape), np.float32)
+        self.unevenness = unevenness(corners, len(texels)) if texels.shape[1] > CHANNELS else None
         self.losses: list[float] = []
 
     def run(self, epochs: int, pace: float) -> None:
@@ -171,6 +175,9 @@ class _Pace:
         of_root, of_share, of_table = (rate * each for each in self.rules.rates)
         shares = model.texels.shape[1] - CHANNELS
         rates, lows = np.array([of_root] * 3 + [of_share] * shares), np.array([1e-3] * 3 + [0.0] * shares)
+        if shares and self.rules.evenness:
+            uneven = self.unevenness @ model.texels[:, CHANNELS:]
+            gradient[:, CHANNELS:] += np.float32(2 * self.rules.evenness * mass / len(gradient)) * uneven
         adam_step(model.texels, gradient, *self.moments[:2], rates, lows, count)
         if len(model.tables):
             self._step_tables(of_table, float(mass), count)
@@ -185,6 +192,17 @@ class _Pace:
         gradient += np.float32(2 * self.rules.smoothness * mass / size**2) * bend
         flat = [array.reshape(-1, CHANNELS) for array in (tables, gradient, *self.moments[2:])]
         adam_step(*flat, np.full(3, rate), np.full(3, 1e-3), count)
+
+
+def unevenness(corners: Array, samples: int) -> csr_array:
+    """(S, S) sum, over a sample's neighbours in the patches (P, 4), of how far it is above them."""
+    from scipy.sparse import csr_array, diags_array
+
+    pairs = np.concatenate([corners[:, [one, other]] for one, other in ((0, 1), (2, 3), (0, 2), (1, 3))])
+    pairs = np.unique(np.sort(pairs[(pairs >= 0).all(axis=1)], axis=1), axis=0)
+    ends = np.concatenate([pairs, pairs[:, ::-1]])
+    near = csr_array((np.ones(len(ends), np.float32), (ends[:, 0], ends[:, 1])), shape=(samples, samples))
+    return csr_array(diags_array(near.sum(axis=1)) - near).astype(np.float32)
 
 
 def _chunks(where: Array, corners: Array, begin: int, end: int) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ from ibrpipe.modelling.plan_file import TexturePlan
 from ibrpipe.modelling.rectangles import box_faces
 from ibrpipe.modelling.view_dependence.reflection.choice import choose_tables, held_out_psnr
 from ibrpipe.modelling.view_dependence.reflection.first_guess import first_colors, guess, seen_weight
-from ibrpipe.modelling.view_dependence.reflection.fit import FitRules, fit
+from ibrpipe.modelling.view_dependence.reflection.fit import FitRules, fit, unevenness
 from ibrpipe.modelling.view_dependence.reflection.observations import join, observe_pixels, observe_texels
 from ibrpipe.renderers.scene import prepare
 from ibrpipe.renderers.view_dependence.mirror import make_surface
@@ -144,3 +144,25 @@ def test_clipped_photos_do_not_bound_the_light(ball):
     clipped = seen.traits[:, 6:9] < 0
     assert clipped.any()
     np.testing.assert_allclose(seen.traits[:, 6:9][clipped] ** 2, srgb_decode(top), rtol=1e-3)
+
+
+def test_unevenness_is_how_far_a_sample_is_above_its_neighbours():
+    corners = np.array([[0, 1, 2, 3], [1, 4, 3, -1], [-1, -1, -1, 5], [0, 1, 2, 3]], np.int32)
+    values = np.random.default_rng(0).random((6, 2)).astype(np.float32)
+    pairs = [(0, 1), (2, 3), (0, 2), (1, 3), (1, 4)]  # (3, -1) and the lone 5 have no neighbour there
+    wanted = np.zeros((6, 2))
+    for one, other in pairs:
+        wanted[one] += values[one] - values[other]
+        wanted[other] += values[other] - values[one]
+    np.testing.assert_allclose(unevenness(corners, 6) @ values, wanted, atol=1e-6)
+
+
+def test_weights_that_are_asked_to_be_even_are(ball):
+    seen = ball.observe()
+    first = guess(seen, ball.surface, ball.points)
+    own = unevenness(ball.surface.corners, len(ball.points))
+    rough = []
+    for evenness in (0.0, 0.05):
+        weights = fit(seen, ball.surface.corners, first, 2, replace(RULES, evenness=evenness)).texels[:, 3:]
+        rough.append(float((weights * (own @ weights)).sum()))
+    assert rough[1] < 0.5 * rough[0]
