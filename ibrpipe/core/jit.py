@@ -164,3 +164,8 @@ def exact_kernel(function: Callable[..., Any]) -> Any:
 def serial(function: Callable[..., Any]) -> Any:
     """Compile a loop that runs on one thread because its order matters."""
     return _compile(function)
+
+
+def foreign(function: Callable[..., Any]) -> Any:
+    """Compile a loop on all threads that calls functions of a C library; it is not kept, for it holds their addresses."""
+    return numba.njit(parallel=True, fastmath=FAST_MATH, error_model="numpy", nogil=True)(function)

@@ -1,0 +1,211 @@
+"""Slices and polygons of a picture from front to back, tile by tile, until nothing behind shows.
+
+Shaded texels are read in pairs of neighbours, 8 bits each of red, green, blue (premultiplied) and coverage, and blended
+with weights of sixteenths in pairs of 16 bits. A slice is drawn in steps (places, texels, blending) over blocks of
+lanes: what one step writes is read by the next one when it has long arrived.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import prange
+
+from ibrpipe.core.hierarchy import fragments as fr
+from ibrpipe.core.hierarchy.order import TILE
+from ibrpipe.core.jit import fused, helper, kernel
+
+#: pixels of a row that are drawn at once, and lanes of a block
+SPAN, LANES = 16, 256
+_SPAN = np.uint64(SPAN)
+#: coverage that is still worth drawing behind
+_LEAST = 1.0 / 1024.0
+
+
+@helper
+def linearise(numbers, x, y, out):
+    # affine map of pixels to texels at a place of the picture -> out (6,): u over x, y, 1, then v
+    w = numbers[6] * x + numbers[7] * y + numbers[8]
+    u = (numbers[0] * x + numbers[1] * y + numbers[2]) / w
+    v = (numbers[3] * x + numbers[4] * y + numbers[5]) / w
+    out[0], out[1] = (numbers[0] - u * numbers[6]) / w, (numbers[1] - u * numbers[7]) / w
+    out[3], out[4] = (numbers[3] - v * numbers[6]) / w, (numbers[4] - v * numbers[7]) / w
+    out[2], out[5] = u - out[0] * x - out[1] * y, v - out[3] * x - out[4] * y
+
+
+@fused
+def find_texels(affine, first, stride, wide, high, x, y, n, index, parts):
+    # lanes n .. n + SPAN of a block: first texel and weights (u, v in sixteenths) of pixels x .. x + SPAN of row y
+    du, dv = np.float32(affine[0]), np.float32(affine[3])
+    at_u = np.float32(affine[0] * x + affine[1] * y + affine[2])
+    at_v = np.float32(affine[3] * x + affine[4] * y + affine[5])
+    for i in range(_SPAN):
+        step = np.float32(np.int64(i))
+        u = min(max(at_u + du * step, np.float32(0.0)), wide)
+        v = min(max(at_v + dv * step, np.float32(0.0)), high)
+        column, row = np.int32(u), np.int32(v)
+        right = np.uint32(np.int32((u - np.float32(column)) * np.float32(16.0) + np.float32(0.5)))
+        below = np.uint32(np.int32((v - np.float32(row)) * np.float32(16.0) + np.float32(0.5)))
+        index[n + i] = first + np.uint32(row) * stride + np.uint32(column)
+        parts[n + i] = right | (below << np.uint32(8))
+
+
+@fused
+def blend_texels(n, p, parts, upper, lower, gains, depth, limit, red, green, blue, clear, stopped):
+    # lanes n .. n + SPAN of a block onto pixels p .. p + SPAN of the tile
+    mask, whole = np.uint32(0x00FF00FF), np.uint32(16)
+    for i in range(_SPAN):
+        right, below = parts[n + i] & np.uint32(255), parts[n + i] >> np.uint32(8)
+        a, b = upper[np.uint64(2) * (n + i)], upper[np.uint64(2) * (n + i) + np.uint64(1)]
+        c, d = lower[np.uint64(2) * (n + i)], lower[np.uint64(2) * (n + i) + np.uint64(1)]
+        wa, wb = (whole - right) * (whole - below), right * (whole - below)
+        wc, wd = (whole - right) * below, right * below
+        even = (a & mask) * wa + (b & mask) * wb + (c & mask) * wc + (d & mask) * wd
+        a, b, c, d = a >> np.uint32(8), b >> np.uint32(8), c >> np.uint32(8), d >> np.uint32(8)
+        odd = (a & mask) * wa + (b & mask) * wb + (c & mask) * wc + (d & mask) * wd
+        through = clear[p + i] if limit[p + i] > depth else np.float32(0.0)
+        red[p + i] += through * gains[0] * np.float32(np.int32(even & np.uint32(0xFFFF)))
+        blue[p + i] += through * gains[2] * np.float32(np.int32(even >> np.uint32(16)))
+        green[p + i] += through * gains[1] * np.float32(np.int32(odd & np.uint32(0xFFFF)))
+        stop = through * gains[3] * np.float32(np.int32(odd >> np.uint32(16)))
+        stopped[i] = stop
+        clear[p + i] -= stop
+
+
+@fused
+def note_depth(p, depth, clear, stopped, sums):
+    # keeps the depth at which half of a pixel is covered, and the sum of depths by coverage
+    for i in range(_SPAN):
+        after = clear[p + i]
+        before = after + stopped[i]
+        crossed = sums[0, p + i]
+        sums[0, p + i] = depth if (before > np.float32(0.5)) & (after <= np.float32(0.5)) else crossed
+        sums[1, p + i] += stopped[i] * depth
+
+
+@fused
+def draw_slice(numbers, pixels, depth, texels, left, top, noted, block, planes):
+    # one slice in the tile at left, top; texels (N,) u64: pairs of neighbours
+    index, parts, upper, lower, stopped, affine, gains = block
+    limit, red, green, blue, clear, sums = planes
+    x0, x1 = max(pixels[0] - left, 0), min(pixels[1] - left, TILE)
+    y0, y1 = max(pixels[2] - top, 0), min(pixels[3] - top, TILE)
+    linearise(numbers, left + 0.5 * (x0 + x1), top + 0.5 * (y0 + y1), affine)
+    first, stride = np.uint32(pixels[4]), np.uint32(pixels[5] + 2)
+    wide, high = np.float32(pixels[5] + 0.98), np.float32(pixels[6] + 0.98)
+    for c in range(3):
+        gains[c] = numbers[9 + c] / 65280.0
+    gains[3] = 1.0 / 65280.0
+    begin, spans = x0 // SPAN, (x1 + SPAN - 1) // SPAN - x0 // SPAN
+    rows = LANES // (SPAN * spans)
+    upper32, lower32 = upper.view(np.uint32), lower.view(np.uint32)
+    for y in range(y0, y1, rows):
+        end = min(y + rows, y1)
+        n = np.uint64(0)
+        for j in range(y, end):
+            for span in range(begin, begin + spans):
+                find_texels(
+                    affine, first, stride, wide, high, left + span * SPAN + 0.5, top + j + 0.5, n, index, parts
+                )
+                n += _SPAN
+        for i in range(n):
+            upper[i] = texels[index[i]]
+            lower[i] = texels[index[i] + stride]
+        n = np.uint64(0)
+        for j in range(y, end):
+            for span in range(begin, begin + spans):
+                p = np.uint64(j * TILE + span * SPAN)
+                blend_texels(
+                    n, p, parts, upper32, lower32, gains, depth, limit, red, green, blue, clear, stopped
+                )
+                if noted:
+                    note_depth(p, depth, clear, stopped, sums)
+                n += _SPAN
+
+
+@kernel
+def draw_tiles(tiles, groups, size, slices, texels, triangles, noted, color, depth):
+    # tiles (T,) i64: numbers of tiles, dealt to `groups` in turn; size: columns of tiles, width, height
+    # slices: starts (T + 1,) i64, items (E,) i64, numbers (J, 12) f64, pixels (J, 8) i64, depths (J,) f32
+    # texels (N,) u64: pairs of shaded texels; triangles: starts, items, numbers (F, 21) f32, boxes (F, 4) i64
+    # noted: whether depth is asked for -> color (H, W, 4) f32: straight colour and coverage; depth (H, W) f32
+    starts, items, numbers, pixels, depths = slices
+    face_starts, face_items, face_numbers, face_boxes = triangles
+    for group in prange(groups):
+        area = TILE * TILE
+        red, green, blue = np.empty(area, np.float32), np.empty(area, np.float32), np.empty(area, np.float32)
+        clear, limit = np.empty(area, np.float32), np.empty(area, np.float32)
+        back, sums = np.empty((3, area), np.float32), np.empty((2, area), np.float32)
+        index, parts = np.empty(LANES, np.uint32), np.empty(LANES, np.uint32)
+        upper, lower = np.empty(LANES, np.uint64), np.empty(LANES, np.uint64)
+        stopped, affine, gains = np.empty(SPAN, np.float32), np.empty(6), np.empty(4, np.float32)
+        near, face = np.empty(fr.SIDE * fr.SIDE, np.float32), np.empty(fr.SIDE * fr.SIDE, np.int32)
+        listed, places = np.empty((fr.FRAGMENTS, 5), np.float32), np.empty(fr.FRAGMENTS, np.int32)
+        buckets, order = np.empty(fr.FRAGMENTS, np.int32), np.empty(fr.FRAGMENTS, np.int32)
+        state, found, paint = np.zeros(1, np.int64), np.empty(16, np.int32), np.empty(4)
+        counts, fronts = np.empty((3, 16), np.int32), np.empty(16, np.float32)
+        work = (state, found, counts, fronts, paint)
+        block = (index, parts, upper, lower, stopped, affine, gains)
+        planes = (limit, red, green, blue, clear, sums)
+        for k in range(group, len(tiles), groups):
+            tile = tiles[k]
+            left, top = tile % size[0] * TILE, tile // size[0] * TILE
+            right, bottom = min(left + TILE, size[1]), min(top + TILE, size[2])
+            red[:] = 0.0
+            green[:] = 0.0
+            blue[:] = 0.0
+            clear[:] = 1.0
+            limit[:] = np.inf
+            sums[0, :] = np.inf
+            sums[1, :] = 0.0
+            state[0] = 0
+            a, b = face_starts[tile], face_starts[tile + 1]
+            f = face_items[a] if b == a + 1 else 0
+            if b == a + 1 and fr.covers_tile(face_numbers[f], face_boxes[f], left, top, right, bottom):
+                fr.fill_tile(face_numbers[f], face_boxes[f], left, top, right, bottom, limit, back, paint)
+            elif b > a:
+                near[:] = 0.0
+                for m in range(a, b):
+                    f = face_items[m]
+                    fr.cast_triangle(face_numbers[f], face_boxes[f], left, top, f, near, face)
+                for j in range(bottom - top):
+                    for i in range(right - left):
+                        fr.resolve_pixel(
+                            j, i, left, top, near, face, face_numbers, face_boxes, limit, back, listed, places, work
+                        )
+            first, last = starts[tile], starts[tile + 1]
+            ends = np.zeros(last - first + 2 if state[0] > 0 else 2, np.int64)
+            done = 0
+            if state[0] > 0:
+                fr.bucket_fragments(state[0], listed, first, last, items, depths, ends, buckets)
+                fr.place_fragments(state[0], buckets, ends, order)
+            for m in range(first, last):
+                s = items[m]
+                if state[0] > 0 and ends[m - first] > done:
+                    fr.blend(done, ends[m - first], order, listed, places, limit, red, green, blue, clear, sums)
+                    done = ends[m - first]
+                draw_slice(numbers[s], pixels[s], depths[s], texels, left, top, noted, block, planes)
+                if (m - first) % 8 == 7 and fr.hidden(clear, limit, depths[s], _LEAST):
+                    done = state[0]
+                    break
+            fr.blend(done, state[0], order, listed, places, limit, red, green, blue, clear, sums)
+            for j in range(bottom - top):
+                for i in range(right - left):
+                    p = j * TILE + i
+                    through = clear[p]
+                    r, g, b_ = red[p], green[p], blue[p]
+                    if limit[p] < np.inf:
+                        r += through * back[0, p]
+                        g += through * back[1, p]
+                        b_ += through * back[2, p]
+                        if through > 0.5:
+                            sums[0, p] = limit[p]
+                        sums[1, p] += through * limit[p]
+                        through = np.float32(0.0)
+                    cover = np.float32(1.0) - through
+                    share = np.float32(1.0) / cover if cover > np.float32(1e-6) else np.float32(0.0)
+                    color[top + j, left + i, 0] = r * share
+                    color[top + j, left + i, 1] = g * share
+                    color[top + j, left + i, 2] = b_ * share
+                    color[top + j, left + i, 3] = cover
+                    if noted:
+                        depth[top + j, left + i] = fr.half_depth(cover, sums[0, p], sums[1, p])

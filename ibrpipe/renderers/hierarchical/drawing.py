@@ -1,0 +1,85 @@
+"""Draws what was selected: slices placed and lit, triangles set up, all composited tile by tile."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from ibrpipe.core.hierarchy import composite, order, slices, triangles
+from ibrpipe.renderers.hierarchical.nodes import Nodes
+from ibrpipe.renderers.hierarchical.selection import Selection
+from ibrpipe.renderers.hierarchical.shaded import ShadedSlices
+from ibrpipe.renderers.hierarchical.view import View
+from ibrpipe.types import Array
+from ibrpipe.types.prerendered import Prerendered
+
+#: cells of a hash of stacks may not be fewer than this
+SliceList = tuple[Array, Array, Array]
+
+
+def place(library: Prerendered, shaded: ShadedSlices, rows: Array, chosen: Selection, view: View) -> SliceList:
+    """Return numbers (J, 12), pixels (J, 8) and depths (J,) of all slices; `rows` (P,): nodes as the library's parts."""
+    parts = rows[chosen.slice_nodes]
+    levels, directions = len(library.resolutions), len(library.axes)
+    keys = np.empty((len(parts), 2), np.int64)
+    slices.find_keys(parts, chosen.choices, chosen.slice_poses, view.lights, levels, directions, keys)
+    firsts, peaks = shaded.find(keys, view.lighting)
+    begin = library.stacks[keys[:, 0]]
+    counts = library.stacks[keys[:, 0] + 1] - begin
+    total = int(counts.sum())
+    draws = np.stack([parts, chosen.choices, begin, np.cumsum(counts) - counts, firsts, keys[:, 1]], axis=1)
+    numbers, pixels = np.empty((total, 12)), np.empty((total, 8), np.int64)
+    depths = np.empty(total, np.float32)
+    tables = (library.spheres, library.axes, library.resolutions, peaks, counts)
+    slices.place_slices(
+        draws.astype(np.int64), chosen.slice_poses, tables, library.slabs, library.heights, library.means,
+        (view.calibration, np.array(view.size, np.float64)), view.lights, view.lighting, numbers, pixels, depths,
+    )  # fmt: skip
+    return numbers, pixels, depths
+
+
+def set_up(nodes: Nodes, spheres: Array, chosen: Selection, view: View) -> tuple[Array, Array]:
+    """Return numbers (T, 21) and boxes (T, 4) of all triangles."""
+    drawn, poses = chosen.polygon_nodes, chosen.polygon_poses
+    centers = spheres[drawn]
+    depth = np.einsum("ni,ni->n", poses[:, 8:11], centers[:, :3]) + poses[:, 11]
+    reach = centers[:, 3] * np.sqrt((poses.reshape(-1, 3, 4)[:, :, :3] ** 2).sum(axis=(1, 2)))
+    steps = np.where(depth - reach <= view.near, 2, 1)
+    faces = nodes.faces[drawn + 1] - nodes.faces[drawn]
+    made = faces * steps
+    draws = np.stack([drawn, nodes.faces[drawn], faces, np.cumsum(made) - made, steps], axis=1)
+    numbers, boxes = np.empty((int(made.sum()), 21), np.float32), np.empty((int(made.sum()), 4), np.int64)
+    limits = np.array([*view.size, view.near])
+    triangles.emit_triangles(
+        draws.astype(np.int64), poses, nodes.corners, nodes.paints, nodes.materials, (view.calibration, limits),
+        view.lights, view.lighting, numbers, boxes,
+    )  # fmt: skip
+    return numbers, boxes
+
+
+def sort_into_tiles(sequence: Array, boxes: Array, size: tuple[int, int]) -> tuple[Array, Array]:
+    """Return starts (T + 1,) and items (E,) int64 of the tiles of a picture, each in the order of `sequence`."""
+    columns, rows = (-(-each // order.TILE) for each in size)
+    starts = np.zeros(columns * rows + 1, np.int64)
+    items = np.empty(order.count_tiles(sequence, boxes, columns, starts), np.int64)
+    order.fill_tiles(sequence, boxes, columns, starts, items)
+    return starts, items
+
+
+def draw(slice_list: SliceList, faces: tuple[Array, Array], texels: Array, view: View, noted: bool) -> tuple[Array, Array]:
+    """Return colour and coverage (H, W, 4), straight, and depth (H, W), which is only filled where `noted`."""
+    numbers, pixels, depths = slice_list
+    width, height = view.size
+    sequence = np.empty(len(depths), np.int64)
+    order.sort_depths(depths, sequence)
+    starts, items = sort_into_tiles(sequence, pixels, view.size)
+    face_starts, face_items = sort_into_tiles(np.arange(len(faces[1])), faces[1], view.size)
+    load = np.diff(starts) + np.diff(face_starts)
+    tiles = np.argsort(-load, kind="stable")
+    color = np.empty((height, width, 4), np.float32)
+    depth = np.empty((height, width) if noted else (0, 0), np.float32)
+    composite.draw_tiles(
+        tiles, numba.get_num_threads(), np.array([-(-width // order.TILE), width, height]),
+        (starts, items, numbers, pixels, depths), texels, (face_starts, face_items, *faces), noted, color, depth,
+    )  # fmt: skip
+    return color, depth

@@ -1,0 +1,132 @@
+"""A scene as arrays: its parts as nodes, their copies, their triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ibrpipe.types import Array, PaintedMesh, Scene
+
+#: ends the name of the node that holds the own meshes of a part with copies
+OWN = "/own"
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """The hierarchy of a scene; children stand before parents.
+
+    Attributes
+    ----------
+    names : tuple of str
+    copies : (P + 1,) int64
+        First copy that each node holds.
+    children : (C,) int32
+        Nodes that are copied.
+    matrices : (C, 12) float64
+        Where to: 3 x 4, row by row.
+    faces : (P + 1,) int64
+        First triangle of each node; only nodes without copies have any.
+    corners, paints : (F, 3, 3) float32
+        Corners, in the node's coordinates, and their linear albedo.
+    materials : (P, 2) float64
+        Strength and exponent of highlights.
+    """
+
+    names: tuple[str, ...]
+    copies: Array
+    children: Array
+    matrices: Array
+    faces: Array
+    corners: Array
+    paints: Array
+    materials: Array
+
+    @property
+    def root(self) -> int:
+        """Number of the node that is the scene."""
+        return len(self.names) - 1
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held."""
+        return self.children.nbytes + self.matrices.nbytes + self.corners.nbytes + self.paints.nbytes
+
+    @cached_property
+    def triangles(self) -> Array:
+        """(P,) int64: triangles of each node with its copies taken apart."""
+        counts = np.diff(self.faces)
+        for node in range(len(self.names)):
+            inner = slice(self.copies[node], self.copies[node + 1])
+            counts[node] += counts[self.children[inner]].sum()
+        return counts
+
+    @cached_property
+    def uses(self) -> Array:
+        """(P,) float64: how often each node occurs in the scene."""
+        counts = np.zeros(len(self.names))
+        counts[self.root] = 1
+        for node in range(self.root, -1, -1):
+            np.add.at(counts, self.children[self.copies[node] : self.copies[node + 1]], counts[node])
+        return counts
+
+    def flattened(self, node: int) -> tuple[Array, Array]:
+        """Corners (F, 3, 3) float64 and paints (F, 3, 3) float32 of a node with its copies taken apart."""
+        own = slice(self.faces[node], self.faces[node + 1])
+        corners, paints = [self.corners[own].astype(np.float64)], [self.paints[own]]
+        first, last = int(self.copies[node]), int(self.copies[node + 1])
+        known = {int(child): self.flattened(int(child)) for child in np.unique(self.children[first:last])}
+        for copy in range(first, last):
+            inner, painted = known[int(self.children[copy])]
+            matrix = self.matrices[copy].reshape(3, 4)
+            corners.append(inner @ matrix[:, :3].T + matrix[:, 3])
+            paints.append(painted)
+        return np.concatenate(corners), np.concatenate(paints)
+
+
+def scene_nodes(scene: Scene) -> Nodes:
+    """Lay out a scene; parts that the root does not need are left out."""
+    needed = _needed(scene)
+    names: list[str] = []
+    counts, children, matrices, faces, corners, paints, materials = [0], [], [], [0], [], [], []
+    number: dict[str, int] = {}
+
+    def add(name: str, held: list[tuple[int, Array]], meshes: tuple[PaintedMesh, ...]) -> None:
+        number[name] = len(names)
+        names.append(name)
+        children.extend(np.full(len(each), child, np.int32) for child, each in held)
+        matrices.extend(each for _, each in held)
+        counts.append(counts[-1] + sum(len(each) for _, each in held))
+        corners.extend(mesh.mesh.vertices[mesh.mesh.faces] for mesh in meshes)
+        paints.extend(mesh.color[mesh.mesh.faces] for mesh in meshes)
+        faces.append(faces[-1] + sum(len(mesh.mesh.faces) for mesh in meshes))
+        shiny = max(meshes, key=lambda mesh: mesh.specular, default=None)
+        materials.append((shiny.specular, shiny.shininess) if shiny else (0.0, 1.0))
+
+    for name in needed:
+        part = scene.parts[name]
+        held = [(number[each.part], each.matrices[:, :3].reshape(-1, 12)) for each in part.children if len(each)]
+        if held and part.meshes:
+            add(name + OWN, [], part.meshes)
+            held.insert(0, (number[name + OWN], np.eye(4)[:3].reshape(1, 12)))
+        add(name, held, () if held else part.meshes)
+    return Nodes(
+        tuple(names),
+        np.array(counts, np.int64),
+        np.concatenate([np.zeros(0, np.int32), *children]),
+        np.concatenate([np.zeros((0, 12)), *matrices]),
+        np.array(faces, np.int64),
+        np.concatenate([np.zeros((0, 3, 3)), *corners]).astype(np.float32),
+        np.concatenate([np.zeros((0, 3, 3)), *paints]).astype(np.float32),
+        np.array(materials),
+    )
+
+
+def _needed(scene: Scene) -> list[str]:
+    """Names of the parts that the root consists of, in the scene's order."""
+    wanted = {scene.root}
+    for name in reversed(scene.parts):
+        if name in wanted:
+            wanted.update(copies.part for copies in scene.parts[name].children if len(copies))
+    return [name for name in scene.parts if name in wanted]

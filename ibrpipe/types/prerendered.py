@@ -1,0 +1,68 @@
+"""Parts of a scene as prefiltered slices: what `prerender` makes and the renderer `hierarchical` draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ibrpipe.types.arrays import Array
+
+#: columns of `Prerendered.slabs`
+U, V, WIDTH, HEIGHT, FIRST, BORDERED, NODE = range(7)
+
+
+@dataclass(frozen=True, eq=False)
+class Prerendered:
+    """Slices of P parts from D directions at L resolutions.
+
+    A *stack* is all slabs of one part from one direction at one resolution; its number is
+    ``(part * L + resolution) * D + direction``. Slab texels lie on a grid of R x R across the part's sphere.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Parts; a name that ends in ``/own`` means the own meshes of a part that also has copies of others.
+    spheres : (P, 4) float64
+        Centre and radius in the part's coordinates.
+    resolutions : (L,) int64
+        Texels across the sphere, ascending.
+    axes : (D, 3, 3) float64
+        Rows a (along columns), b (along rows), d (towards the viewer), unit.
+    stacks : (P L D + 1,) int64
+        First slab of every stack.
+    slabs : (S, 7) int64
+        u, v, width, height of the texels that are kept, first texel, first texel within the stack where every slab has
+        a border of one texel, part. Front to back within a stack.
+    heights : (S,) float32
+        Mean distance from the centre along d, in the part's units.
+    means : (S, 12) float32
+        Share of the box that is covered; albedo over `scale`, and moments of the normal, weighted by coverage.
+    texels : (N, 12) uint8
+        As in `ibrpipe.core.hierarchy.prefilter`.
+    scale : float
+        Albedo of code 255.
+    conditional : (P,) bool
+        Whether coverage is a share of what the slab in front let pass.
+    info : mapping
+        What is known of its making: seconds, bytes, errors.
+    """
+
+    names: tuple[str, ...]
+    spheres: Array
+    resolutions: Array
+    axes: Array
+    stacks: Array
+    slabs: Array
+    heights: Array
+    means: Array
+    texels: Array
+    scale: float
+    conditional: Array
+    info: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes in memory."""
+        arrays = (self.spheres, self.axes, self.stacks, self.slabs, self.heights, self.means, self.texels)
+        return sum(each.nbytes for each in arrays)
