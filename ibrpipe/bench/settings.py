@@ -10,7 +10,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ibrpipe.errors import ConfigError
-from ibrpipe.renderers.registry import registered
+from ibrpipe.renderers.registry import AnyRenderer, registered
+from ibrpipe.types import Scene
+from ibrpipe.types.prerendered import PrerenderedScene
 
 
 @dataclass(frozen=True)
@@ -202,13 +204,18 @@ def choose_settings(renderers: Sequence[str] = (), speed: bool = False) -> list[
         and (each.hard or speed)
     ]
     named = {each.renderer for each in found}
-    found += [Setting(name, name) for name in known if name not in named]
+    found += [Setting(name, name) for name in known if name not in named and _takes_textures(known[name])]
     for name in renderers:
         if name not in known and name not in {each.label for each in found}:
             raise ConfigError(f"there is no renderer or setting {name!r}; choose among: {', '.join(_names(found))}")
     if renderers:
         found = [each for each in found if each.renderer in renderers or each.label in renderers]
     return found
+
+
+def _takes_textures(renderer: AnyRenderer) -> bool:
+    """Whether a renderer can be given what the bench has: scenes of copies have a bench of their own."""
+    return any(each not in (Scene, PrerenderedScene) for each in renderer.accepts)
 
 
 def _names(settings: Sequence[Setting]) -> list[str]:

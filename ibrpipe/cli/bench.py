@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from ibrpipe.cli.bench_forest import command as forest_command
 from ibrpipe.cli.figures import facts_table, print_table
 from ibrpipe.cli.options import PATH, example, json_option
 from ibrpipe.cli.show import display
@@ -25,6 +26,9 @@ class FailingCells(IbrError):
 )
 def command() -> None:
     """Hold all renderers against the exact answer: on hard cases, and speed against error."""
+
+
+command.add_command(forest_command)
 
 
 @command.command(

@@ -17,6 +17,7 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def models() -> dict[str, type[BaseModel]]:
     """Return every model of a file on disk, and the options of every renderer, by the name of its schema."""
+    from ibrpipe.bench.forest.results import ForestModel
     from ibrpipe.bench.hard_cases.file import HardCasesFile
     from ibrpipe.bench.rate_error.results import RateErrorModel
     from ibrpipe.bench.sizes.results import GrowthModel, Table2Model
@@ -32,7 +33,7 @@ def models() -> dict[str, type[BaseModel]]:
     found: dict[str, type[BaseModel]] = {Path(each.path).stem: each.document for each in made if each.document}
     found |= {"hard_cases": HardCasesFile, "manifest": Manifest, "run": RunDocument}
     found |= {"pipeline": pipeline_model(stages), "speed_error": SpeedErrorModel}
-    found |= {"rate_error": RateErrorModel, "growth": GrowthModel, "table2": Table2Model}
+    found |= {"forest": ForestModel, "rate_error": RateErrorModel, "growth": GrowthModel, "table2": Table2Model}
     found |= {f"renderer_{name}": find_renderer(name).Options for name in BUILT_IN}
     return dict(sorted(found.items()))
 

@@ -167,5 +167,5 @@ def serial(function: Callable[..., Any]) -> Any:
 
 
 def foreign(function: Callable[..., Any]) -> Any:
-    """Compile a loop on all threads that calls functions of a C library; it is not kept, for it holds their addresses."""
+    """Compile a loop on all threads that calls a C library; never cached: it holds addresses of this process."""
     return numba.njit(parallel=True, fastmath=FAST_MATH, error_model="numpy", nogil=True)(function)

@@ -11,7 +11,8 @@ from ibrpipe.renderers.option_check import checked_options
 from ibrpipe.renderers.option_text import option_texts
 from ibrpipe.renderers.registry import find_renderer, registered
 from ibrpipe.renderers.renderer import type_names
-from ibrpipe.types import Asset, Camera, Frame
+from ibrpipe.types import Asset, Camera, Frame, Scene
+from ibrpipe.types.prerendered import PrerenderedScene
 from ibrpipe.types.renderable import Renderable
 
 #: what a frame can hold
@@ -34,12 +35,12 @@ class Prepared:
     """
 
     renderer: str
-    sources: tuple[Renderable, ...]
+    sources: tuple[Renderable | Scene | PrerenderedScene, ...]
     data: Any
     bytes: int
 
 
-Source = Renderable | Asset | Prepared | Sequence["Renderable | Asset"]
+Source = Renderable | Asset | Scene | PrerenderedScene | Prepared | Sequence["Renderable | Asset"]
 
 
 def prepare(source: Source, renderer: str = "ldi") -> Prepared:
@@ -47,7 +48,7 @@ def prepare(source: Source, renderer: str = "ldi") -> Prepared:
 
     Parameters
     ----------
-    source : ReliefTexture, DepthImage, LayeredDepthImage, Texture, ReliefMesh, Asset, or a list of these
+    source : ReliefTexture, DepthImage, LayeredDepthImage, Texture, ReliefMesh, Asset, or a list of these; a Scene
     renderer : str
         A name from `renderers`.
 
@@ -140,7 +141,7 @@ def renderers() -> dict[str, dict[str, Any]]:
     }
 
 
-def _flatten(source: Any) -> Iterable[Renderable]:
+def _flatten(source: Any) -> Iterable[Renderable | Scene | PrerenderedScene]:
     if isinstance(source, Asset):
         yield from source.textures
     elif isinstance(source, list | tuple):

@@ -51,6 +51,7 @@ register("epipolar", "ibrpipe.renderers.epipolar:EpipolarRenderer")
 register("prewarp", "ibrpipe.renderers.prewarp:PrewarpRenderer")
 register("splat", "ibrpipe.renderers.splat:SplatRenderer")
 register("relief", "ibrpipe.renderers.relief:ReliefRenderer")
+register("hierarchical", "ibrpipe.renderers.hierarchical:HierarchicalRenderer")
 
 #: the renderers that ibrpipe brings
 BUILT_IN = tuple(_known)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ibrpipe.types.arrays import Array
+from ibrpipe.types.scene import Scene
 
 #: columns of `Prerendered.slabs`
 U, V, WIDTH, HEIGHT, FIRST, BORDERED, NODE = range(7)
@@ -66,3 +67,11 @@ class Prerendered:
         """Bytes in memory."""
         arrays = (self.spheres, self.axes, self.stacks, self.slabs, self.heights, self.means, self.texels)
         return sum(each.nbytes for each in arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class PrerenderedScene:
+    """A scene with the slices that were made of its parts."""
+
+    scene: Scene
+    library: Prerendered

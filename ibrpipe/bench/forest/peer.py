@@ -67,7 +67,7 @@ class Peer:
         )
 
     def render(self, camera: Camera, side: int) -> tuple[Array, float]:
-        """Return linear light and coverage (H, W, 4), premultiplied, of side x side samples a pixel, and CPU seconds."""
+        """Return light and coverage (H, W, 4), premultiplied, of side x side samples a pixel, and CPU seconds."""
         threads = numba.config.NUMBA_NUM_THREADS
         raw = np.zeros(threads * ROWS * 64 + 64, np.uint8)
         shift = -raw.ctypes.data % 64

@@ -82,11 +82,38 @@ def note_depth(p, depth, clear, stopped, sums):
         sums[1, p + i] += stopped[i] * depth
 
 
+@helper
+def shown_part(at, slope, most, low, high):
+    # first and last (exclusive) of the steps low .. high at which at + slope * step lies between 0 and most
+    if abs(slope) < 1e-9:
+        return (low, high) if 0.0 < at < most else (low, low)
+    one, other = -at / slope, (most - at) / slope
+    first, last = min(one, other), max(one, other)
+    begin = low if first <= low else (high if first >= high else int(first))
+    end = high if last >= high - 1.0 else (low if last <= low - 1.0 else int(last) + 1)
+    return begin, end
+
+
+@fused
+def flush(n, depth, stride, texels, noted, block, planes):
+    # blends the n lanes that wait in a block
+    index, parts, spots, upper, lower, stopped, _, gains = block
+    limit, red, green, blue, clear, sums = planes
+    for i in range(n):
+        upper[i] = texels[index[i]]
+        lower[i] = texels[index[i] + stride]
+    upper32, lower32 = upper.view(np.uint32), lower.view(np.uint32)
+    for span in range(n // _SPAN):
+        p = np.uint64(spots[span])
+        blend_texels(span * _SPAN, p, parts, upper32, lower32, gains, depth, limit, red, green, blue, clear, stopped)
+        if noted:
+            note_depth(p, depth, clear, stopped, sums)
+
+
 @fused
 def draw_slice(numbers, pixels, depth, texels, left, top, noted, block, planes):
     # one slice in the tile at left, top; texels (N,) u64: pairs of neighbours
-    index, parts, upper, lower, stopped, affine, gains = block
-    limit, red, green, blue, clear, sums = planes
+    index, parts, spots, _, _, _, affine, gains = block
     x0, x1 = max(pixels[0] - left, 0), min(pixels[1] - left, TILE)
     y0, y1 = max(pixels[2] - top, 0), min(pixels[3] - top, TILE)
     linearise(numbers, left + 0.5 * (x0 + x1), top + 0.5 * (y0 + y1), affine)
@@ -95,39 +122,49 @@ def draw_slice(numbers, pixels, depth, texels, left, top, noted, block, planes):
     for c in range(3):
         gains[c] = numbers[9 + c] / 65280.0
     gains[3] = 1.0 / 65280.0
-    begin, spans = x0 // SPAN, (x1 + SPAN - 1) // SPAN - x0 // SPAN
-    rows = LANES // (SPAN * spans)
-    upper32, lower32 = upper.view(np.uint32), lower.view(np.uint32)
-    for y in range(y0, y1, rows):
-        end = min(y + rows, y1)
-        n = np.uint64(0)
-        for j in range(y, end):
-            for span in range(begin, begin + spans):
-                find_texels(
-                    affine, first, stride, wide, high, left + span * SPAN + 0.5, top + j + 0.5, n, index, parts
-                )
+    n = np.uint64(0)
+    for y in range(y0, y1):
+        x, row = left + 0.5, top + y + 0.5
+        at_u = affine[0] * x + affine[1] * row + affine[2]
+        at_v = affine[3] * x + affine[4] * row + affine[5]
+        begin, end = shown_part(at_u, affine[0], pixels[5] + 1.0, x0, x1)
+        begin, end = shown_part(at_v, affine[3], pixels[6] + 1.0, begin, end)
+        if begin < end:
+            for span in range(begin // SPAN, (end - 1) // SPAN + 1):
+                find_texels(affine, first, stride, wide, high, x + span * SPAN, row, n, index, parts)
+                spots[n // _SPAN] = y * TILE + span * SPAN
                 n += _SPAN
-        for i in range(n):
-            upper[i] = texels[index[i]]
-            lower[i] = texels[index[i] + stride]
-        n = np.uint64(0)
-        for j in range(y, end):
-            for span in range(begin, begin + spans):
-                p = np.uint64(j * TILE + span * SPAN)
-                blend_texels(
-                    n, p, parts, upper32, lower32, gains, depth, limit, red, green, blue, clear, stopped
-                )
-                if noted:
-                    note_depth(p, depth, clear, stopped, sums)
-                n += _SPAN
+            if n > np.uint64(LANES - TILE):
+                flush(n, depth, stride, texels, noted, block, planes)
+                n = np.uint64(0)
+    flush(n, depth, stride, texels, noted, block, planes)
+
+
+@fused
+def finish_tile(planes, back):
+    # what is opaque comes behind the rest; colours become straight
+    limit, red, green, blue, clear, sums = planes
+    one, none, half, inf = np.float32(1.0), np.float32(0.0), np.float32(0.5), np.float32(np.inf)
+    for p in range(np.uint64(TILE * TILE)):
+        solid = limit[p] < inf
+        through = clear[p] if solid else none
+        behind = limit[p] if solid else none
+        sums[0, p] = limit[p] if through > half else sums[0, p]
+        sums[1, p] += through * behind
+        clear[p] -= through
+        cover = one - clear[p]
+        share = one / max(cover, np.float32(1e-6))
+        red[p] = (red[p] + through * back[0, p]) * share
+        green[p] = (green[p] + through * back[1, p]) * share
+        blue[p] = (blue[p] + through * back[2, p]) * share
 
 
 @kernel
-def draw_tiles(tiles, groups, size, slices, texels, triangles, noted, color, depth):
+def draw_tiles(tiles, groups, size, slices, texels, triangles, noted, color, alpha, depth):
     # tiles (T,) i64: numbers of tiles, dealt to `groups` in turn; size: columns of tiles, width, height
     # slices: starts (T + 1,) i64, items (E,) i64, numbers (J, 12) f64, pixels (J, 8) i64, depths (J,) f32
     # texels (N,) u64: pairs of shaded texels; triangles: starts, items, numbers (F, 21) f32, boxes (F, 4) i64
-    # noted: whether depth is asked for -> color (H, W, 4) f32: straight colour and coverage; depth (H, W) f32
+    # noted: whether depth is asked for -> color (H, W, 3) f32, straight; alpha, depth (H, W) f32
     starts, items, numbers, pixels, depths = slices
     face_starts, face_items, face_numbers, face_boxes = triangles
     for group in prange(groups):
@@ -136,15 +173,17 @@ def draw_tiles(tiles, groups, size, slices, texels, triangles, noted, color, dep
         clear, limit = np.empty(area, np.float32), np.empty(area, np.float32)
         back, sums = np.empty((3, area), np.float32), np.empty((2, area), np.float32)
         index, parts = np.empty(LANES, np.uint32), np.empty(LANES, np.uint32)
+        spots = np.empty(LANES // SPAN, np.int64)
         upper, lower = np.empty(LANES, np.uint64), np.empty(LANES, np.uint64)
         stopped, affine, gains = np.empty(SPAN, np.float32), np.empty(6), np.empty(4, np.float32)
         near, face = np.empty(fr.SIDE * fr.SIDE, np.float32), np.empty(fr.SIDE * fr.SIDE, np.int32)
         listed, places = np.empty((fr.FRAGMENTS, 5), np.float32), np.empty(fr.FRAGMENTS, np.int32)
         buckets, order = np.empty(fr.FRAGMENTS, np.int32), np.empty(fr.FRAGMENTS, np.int32)
         state, found, paint = np.zeros(1, np.int64), np.empty(16, np.int32), np.empty(4)
+        box = np.empty(4, np.int64)
         counts, fronts = np.empty((3, 16), np.int32), np.empty(16, np.float32)
         work = (state, found, counts, fronts, paint)
-        block = (index, parts, upper, lower, stopped, affine, gains)
+        block = (index, parts, spots, upper, lower, stopped, affine, gains)
         planes = (limit, red, green, blue, clear, sums)
         for k in range(group, len(tiles), groups):
             tile = tiles[k]
@@ -155,23 +194,28 @@ def draw_tiles(tiles, groups, size, slices, texels, triangles, noted, color, dep
             blue[:] = 0.0
             clear[:] = 1.0
             limit[:] = np.inf
+            back[:] = 0.0
             sums[0, :] = np.inf
             sums[1, :] = 0.0
             state[0] = 0
             a, b = face_starts[tile], face_starts[tile + 1]
-            f = face_items[a] if b == a + 1 else 0
-            if b == a + 1 and fr.covers_tile(face_numbers[f], face_boxes[f], left, top, right, bottom):
-                fr.fill_tile(face_numbers[f], face_boxes[f], left, top, right, bottom, limit, back, paint)
-            elif b > a:
-                near[:] = 0.0
-                for m in range(a, b):
-                    f = face_items[m]
+            kept = np.empty(b - a, np.int64)
+            shown = fr.touching(a, b, face_items, face_numbers, face_boxes, left, top, kept)
+            behind = fr.nearest_cover(shown, kept, face_numbers, face_boxes, left, top, right, bottom)
+            if behind >= 0:
+                fr.fill_tile(face_numbers[behind], face_boxes[behind], left, top, limit, back)
+            fr.enclose(shown, kept, behind, face_boxes, left, top, box)
+            for j in range(box[2] * fr.GRID, box[3] * fr.GRID):
+                near[j * fr.SIDE + box[0] * fr.GRID : j * fr.SIDE + box[1] * fr.GRID] = 0.0
+            for m in range(shown):
+                f = kept[m]
+                if f != behind:
                     fr.cast_triangle(face_numbers[f], face_boxes[f], left, top, f, near, face)
-                for j in range(bottom - top):
-                    for i in range(right - left):
-                        fr.resolve_pixel(
-                            j, i, left, top, near, face, face_numbers, face_boxes, limit, back, listed, places, work
-                        )
+            for j in range(box[2], box[3]):
+                for i in range(box[0], box[1]):
+                    fr.resolve_pixel(
+                        j, i, left, top, near, face, face_numbers, face_boxes, limit, back, listed, places, work
+                    )
             first, last = starts[tile], starts[tile + 1]
             ends = np.zeros(last - first + 2 if state[0] > 0 else 2, np.int64)
             done = 0
@@ -188,24 +232,13 @@ def draw_tiles(tiles, groups, size, slices, texels, triangles, noted, color, dep
                     done = state[0]
                     break
             fr.blend(done, state[0], order, listed, places, limit, red, green, blue, clear, sums)
+            finish_tile(planes, back)
             for j in range(bottom - top):
                 for i in range(right - left):
                     p = j * TILE + i
-                    through = clear[p]
-                    r, g, b_ = red[p], green[p], blue[p]
-                    if limit[p] < np.inf:
-                        r += through * back[0, p]
-                        g += through * back[1, p]
-                        b_ += through * back[2, p]
-                        if through > 0.5:
-                            sums[0, p] = limit[p]
-                        sums[1, p] += through * limit[p]
-                        through = np.float32(0.0)
-                    cover = np.float32(1.0) - through
-                    share = np.float32(1.0) / cover if cover > np.float32(1e-6) else np.float32(0.0)
-                    color[top + j, left + i, 0] = r * share
-                    color[top + j, left + i, 1] = g * share
-                    color[top + j, left + i, 2] = b_ * share
-                    color[top + j, left + i, 3] = cover
+                    color[top + j, left + i, 0] = red[p]
+                    color[top + j, left + i, 1] = green[p]
+                    color[top + j, left + i, 2] = blue[p]
+                    alpha[top + j, left + i] = np.float32(1.0) - clear[p]
                     if noted:
-                        depth[top + j, left + i] = fr.half_depth(cover, sums[0, p], sums[1, p])
+                        depth[top + j, left + i] = fr.half_depth(alpha[top + j, left + i], sums[0, p], sums[1, p])

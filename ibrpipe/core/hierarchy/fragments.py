@@ -27,14 +27,14 @@ def cast_triangle(numbers, box, left, top, number, near, face):
     y0, y1 = max(box[2] - top, 0) * GRID, min(box[3] - top, TILE) * GRID
     step = np.float32(1.0 / GRID)
     a0, a1, a2 = numbers[0] * step, numbers[3] * step, numbers[6] * step
-    slope = a0 * numbers[9] + a1 * numbers[10] + a2 * numbers[11]
+    slope = numbers[9] * step
     x = np.float32(left - box[0]) + np.float32(0.5) * step
     for j in range(y0, y1):
         y = np.float32(top - box[2]) + (np.float32(j) + np.float32(0.5)) * step
         w0 = numbers[0] * x + numbers[1] * y + numbers[2]
         w1 = numbers[3] * x + numbers[4] * y + numbers[5]
         w2 = numbers[6] * x + numbers[7] * y + numbers[8]
-        depth = w0 * numbers[9] + w1 * numbers[10] + w2 * numbers[11]
+        depth = numbers[9] * x + numbers[10] * y + numbers[11]
         row = j * SIDE
         for i in range(x0, x1):
             t = np.float32(i)
@@ -48,17 +48,13 @@ def cast_triangle(numbers, box, left, top, number, near, face):
 
 @helper
 def paint(numbers, box, x, y, out):
-    # -> out (4,): colour and depth of a triangle at a place of the picture; weights are kept inside it
+    # -> out (4,): colour and depth of a triangle at a place of the picture
     px, py = x - box[0], y - box[2]
-    w0 = max(numbers[0] * px + numbers[1] * py + numbers[2], 0.0)
-    w1 = max(numbers[3] * px + numbers[4] * py + numbers[5], 0.0)
-    w2 = max(numbers[6] * px + numbers[7] * py + numbers[8], 0.0)
-    total = w0 + w1 + w2
-    w0, w1, w2 = w0 * numbers[9] / total, w1 * numbers[10] / total, w2 * numbers[11] / total
-    over = w0 + w1 + w2
+    depth = 1.0 / (numbers[9] * px + numbers[10] * py + numbers[11])
     for c in range(3):
-        out[c] = (w0 * numbers[12 + c] + w1 * numbers[15 + c] + w2 * numbers[18 + c]) / over
-    out[3] = 1.0 / over
+        over = numbers[12 + 3 * c] * px + numbers[13 + 3 * c] * py + numbers[14 + 3 * c]
+        out[c] = max(over * depth, 0.0)
+    out[3] = depth
 
 
 @helper
@@ -73,6 +69,51 @@ def covers_tile(numbers, box, left, top, right, bottom):
         if a * x + b * y + c < 0.0:
             return False
     return True
+
+
+@helper
+def nearest_cover(count, kept, numbers, boxes, left, top, right, bottom):
+    # of the triangles that cover a whole tile the one that is nearest in its middle, -1 where none does
+    best, over = -1, 0.0
+    for m in range(count):
+        f = kept[m]
+        if covers_tile(numbers[f], boxes[f], left, top, right, bottom):
+            x, y = 0.5 * (left + right) - boxes[f, 0], 0.5 * (top + bottom) - boxes[f, 2]
+            here = numbers[f, 9] * x + numbers[f, 10] * y + numbers[f, 11]
+            if here > over:
+                best, over = f, here
+    return best
+
+
+@helper
+def enclose(count, kept, left_out, boxes, left, top, out):
+    # -> out (4,) i64: x0, x1, y0, y1 within the tile of all triangles but one; empty where there is none
+    out[0], out[1], out[2], out[3] = TILE, 0, TILE, 0
+    for m in range(count):
+        f = kept[m]
+        if f != left_out:
+            out[0] = min(out[0], max(boxes[f, 0] - left, 0))
+            out[1] = max(out[1], min(boxes[f, 1] - left, TILE))
+            out[2] = min(out[2], max(boxes[f, 2] - top, 0))
+            out[3] = max(out[3], min(boxes[f, 3] - top, TILE))
+
+
+@helper
+def touching(first, last, items, numbers, boxes, left, top, kept):
+    # triangles items[first:last] that may cover something of a tile, to kept; their number
+    count = 0
+    for m in range(first, last):
+        f = items[m]
+        out = False
+        for i in range(3):
+            a, b, c = numbers[f, 3 * i], numbers[f, 3 * i + 1], numbers[f, 3 * i + 2]
+            x = (left + TILE if a > 0 else left) - boxes[f, 0]
+            y = (top + TILE if b > 0 else top) - boxes[f, 2]
+            out |= a * x + b * y + c < 0.0
+        if not out:
+            kept[count] = f
+            count += 1
+    return count
 
 
 @helper
@@ -107,19 +148,46 @@ def split_pixel(j, i, near, face, triangles, counts, depths):
 
 
 @helper
+def sole_triangle(j, i, near, face):
+    # the triangle that all samples of a pixel show, -1 where there are several or it is not covered wholly, -2: nothing
+    k = j * GRID * SIDE + i * GRID
+    first, same, covered = face[k], 0, 0
+    for row in range(GRID):
+        for column in range(GRID):
+            at = k + row * SIDE + column
+            seen = near[at] > 0.0
+            covered += seen
+            same += seen & (face[at] == first)
+    if covered == 0:
+        return -2
+    return first if same == GRID * GRID else -1
+
+
+@helper
 def resolve_pixel(j, i, left, top, near, face, numbers, boxes, limit, back, listed, places, work):
     # one pixel of a tile: its opaque fragment to limit, back; the others to listed (FRAGMENTS, 5) f32: red, green,
     # blue, share, depth, and places (FRAGMENTS,) i32, from `work[0][0]` on, which counts on
     state, triangles, counts, depths, color = work
+    p = j * TILE + i
+    sole = sole_triangle(j, i, near, face)
+    if sole >= 0:
+        paint(numbers[sole], boxes[sole], left + i + 0.5, top + j + 0.5, color)
+        if color[3] < limit[p]:
+            limit[p] = color[3]
+            for c in range(3):
+                back[c, p] = color[c]
+    if sole != -1:
+        return
     found = split_pixel(j, i, near, face, triangles, counts, depths)
     remaining = GRID * GRID
-    p = j * TILE + i
     for n in range(found):
         count = counts[0, n]
         x = left + i + (counts[1, n] / count + 0.5) / GRID
         y = top + j + (counts[2, n] / count + 0.5) / GRID
         t = triangles[n]
         paint(numbers[t], boxes[t], x, y, color)
+        if color[3] >= limit[p]:
+            continue
         if count == remaining:
             limit[p] = color[3]
             for c in range(3):
@@ -133,16 +201,25 @@ def resolve_pixel(j, i, left, top, near, face, numbers, boxes, limit, back, list
         remaining -= count
 
 
-@helper
-def fill_tile(numbers, box, left, top, right, bottom, limit, back, color):
+@fused
+def fill_tile(numbers, box, left, top, limit, back):
     # a tile that one triangle covers
-    for j in range(bottom - top):
-        for i in range(right - left):
-            paint(numbers, box, left + i + 0.5, top + j + 0.5, color)
-            p = j * TILE + i
-            limit[p] = color[3]
-            for c in range(3):
-                back[c, p] = color[c]
+    x = np.float32(left - box[0]) + np.float32(0.5)
+    one = np.float32(1.0)
+    for j in range(TILE):
+        y = np.float32(top - box[2] + j) + np.float32(0.5)
+        over = numbers[9] * x + numbers[10] * y + numbers[11]
+        red = numbers[12] * x + numbers[13] * y + numbers[14]
+        green = numbers[15] * x + numbers[16] * y + numbers[17]
+        blue = numbers[18] * x + numbers[19] * y + numbers[20]
+        row = np.uint64(j * TILE)
+        for i in range(np.uint64(TILE)):
+            t = np.float32(np.int64(i))
+            depth = one / (over + numbers[9] * t)
+            limit[row + i] = depth
+            back[0, row + i] = (red + numbers[12] * t) * depth
+            back[1, row + i] = (green + numbers[15] * t) * depth
+            back[2, row + i] = (blue + numbers[18] * t) * depth
 
 
 @helper
@@ -196,10 +273,10 @@ def blend(first, last, order, listed, places, limit, red, green, blue, clear, su
 @helper
 def hidden(clear, limit, depth, least):
     # whether nothing at or behind `depth` shows in a tile any more
+    seen = 0
     for p in range(len(clear)):
-        if clear[p] > least and limit[p] > depth:
-            return False
-    return True
+        seen += (clear[p] > least) & (limit[p] > depth)
+    return seen == 0
 
 
 @helper

@@ -128,10 +128,10 @@ def normal_stretch(pose, det, moments, size):
     total = 0.0
     xx, yy, xy, xz, yz = moments[7], moments[8], moments[9], moments[10], moments[11]
     for axis in range(3):
-        x, y, z = solve(
-            pose, det, 1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0
+        x, y, z = solve(pose, det, 1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+        total += (
+            xx * x * x + yy * y * y + max(1.0 - xx - yy, 0.0) * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
         )
-        total += xx * x * x + yy * y * y + max(1.0 - xx - yy, 0.0) * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
     return math.sqrt(total) if total > 0.0 else 1.0 / size
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ibrpipe.core.jit import helper, serial
 
 EMPTY = -1
@@ -12,16 +10,16 @@ EMPTY = -1
 @helper
 def _mix(stack, key, size):
     # -> first place of a key in a table whose size is a power of two
-    h = np.uint64(stack) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(key) * np.uint64(0xC2B2AE3D27D4EB4F)
-    return np.int64((h ^ (h >> np.uint64(29))) & np.uint64(size - 1))
+    h = stack * 2654435761 + key * 40503
+    return (h ^ (h >> 15) ^ (h >> 32)) & (size - 1)
 
 
 @serial
 def look_up(keys, lengths, used, table, found, fresh):
     # keys (I, 2) i64; lengths (T,) i64: shaded texels of each stack; used: texels shaded so far
-    # table (K, 3) i64: stack, key of the lights, entry; EMPTY where free; entries are counted by the caller
-    # -> found (I,) i64: entry of each key; fresh (I, 3) i64: stack, key, first texel of new ones; -> their number, texels
-    # entries of new keys continue from table[-1, 2], which the caller keeps as the number of entries
+    # table (K, 3) i64: stack, key of the lights, entry; EMPTY where free; the last row is no entry
+    # -> found (I,) i64: entry of each key; fresh (I, 3) i64: stack, key, first texel of new ones
+    # -> number of new ones, texels used; entries are numbered on from table[-1, 2], the number of entries
     size = len(table) - 1
     count = table[size, 2]
     made = 0

@@ -1,7 +1,7 @@
 """Triangles of parts that are near: to the camera, lit, clipped at the near plane, made ready for drawing.
 
-A triangle's numbers are (21,) f32: rows of three weights over (x, y, 1), x and y counted from the first column and row
-of its box; 1 / depth of its corners; their colours. Weights are linear in the picture and sum to 1.
+A triangle's numbers are (21,) f32: rows over (x, y, 1), x and y counted from the first column and row of its box, of
+what is linear in the picture: three weights that are positive inside, 1 / depth, and red, green, blue over depth.
 """
 
 from __future__ import annotations
@@ -78,9 +78,6 @@ def set_up(points, colors, first, second, third, calibration, limits, numbers, b
         z = points[p, 2]
         x[i] = (calibration[0, 0] * points[p, 0] + calibration[0, 1] * points[p, 1]) / z + calibration[0, 2]
         y[i] = calibration[1, 1] * points[p, 1] / z + calibration[1, 2]
-        numbers[9 + i] = 1.0 / z
-        for c in range(3):
-            numbers[12 + 3 * i + c] = colors[p, c]
     box[0] = int(max(math.floor(min(x[0], x[1], x[2])), 0.0))
     box[1] = int(min(math.floor(max(x[0], x[1], x[2])) + 1.0, limits[0]))
     box[2] = int(max(math.floor(min(y[0], y[1], y[2])), 0.0))
@@ -89,11 +86,21 @@ def set_up(points, colors, first, second, third, calibration, limits, numbers, b
     if box[0] >= box[1] or box[2] >= box[3] or area == 0.0:
         box[0], box[1], box[2], box[3] = 0, 0, 0, 0
         return
+    numbers[9:] = 0.0
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        numbers[3 * i] = (y[j] - y[k]) / area
-        numbers[3 * i + 1] = (x[k] - x[j]) / area
-        numbers[3 * i + 2] = ((x[j] - box[0]) * (y[k] - box[2]) - (x[k] - box[0]) * (y[j] - box[2])) / area
+        p = first if i == 0 else (second if i == 1 else third)
+        for term in range(3):
+            if term == 0:
+                weight = (y[j] - y[k]) / area
+            elif term == 1:
+                weight = (x[k] - x[j]) / area
+            else:
+                weight = ((x[j] - box[0]) * (y[k] - box[2]) - (x[k] - box[0]) * (y[j] - box[2])) / area
+            numbers[3 * i + term] = weight
+            numbers[9 + term] += weight / points[p, 2]
+            for c in range(3):
+                numbers[12 + 3 * c + term] += weight * colors[p, c] / points[p, 2]
 
 
 @kernel
@@ -128,5 +135,13 @@ def emit_triangles(draws, poses, faces, paints, materials, view, lights, lightin
                 count = clip_near(points, colors, limits[2], kept, kept_colors)
                 for part in range(count - 2):
                     set_up(
-                        kept, kept_colors, 0, part + 1, part + 2, calibration, limits, numbers[t + part], boxes[t + part]
+                        kept,
+                        kept_colors,
+                        0,
+                        part + 1,
+                        part + 2,
+                        calibration,
+                        limits,
+                        numbers[t + part],
+                        boxes[t + part],
                     )

@@ -11,7 +11,7 @@ CELLS = 64
 
 
 def view_axes(count: int) -> Array:
-    """Return axes (D, 3, 3) float64 of views: rows a, b, d. Six = the axes of max1999, else a spiral over the sphere."""
+    """Return axes (D, 3, 3) float64 of views, rows a, b, d: 6 = those of max1999, else a spiral over the sphere."""
     if count == 6:
         directions = np.concatenate([np.eye(3), -np.eye(3)])
     else:

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from ibrpipe.core.hierarchy import composite, order, slices, triangles
+from ibrpipe.renderers.frames import limited_threads
 from ibrpipe.renderers.hierarchical.nodes import Nodes
 from ibrpipe.renderers.hierarchical.selection import Selection
 from ibrpipe.renderers.hierarchical.shaded import ShadedSlices
@@ -13,16 +14,20 @@ from ibrpipe.renderers.hierarchical.view import View
 from ibrpipe.types import Array
 from ibrpipe.types.prerendered import Prerendered
 
-#: cells of a hash of stacks may not be fewer than this
+#: slices and triangles that are set up on one thread: waiting for others costs more
+FEW = 2_000
+
+#: numbers, pixels and depths of slices
 SliceList = tuple[Array, Array, Array]
 
 
 def place(library: Prerendered, shaded: ShadedSlices, rows: Array, chosen: Selection, view: View) -> SliceList:
-    """Return numbers (J, 12), pixels (J, 8) and depths (J,) of all slices; `rows` (P,): nodes as the library's parts."""
+    """Return numbers (J, 12), pixels (J, 8), depths (J,) of all slices; `rows` (P,): nodes as the library's parts."""
     parts = rows[chosen.slice_nodes]
     levels, directions = len(library.resolutions), len(library.axes)
     keys = np.empty((len(parts), 2), np.int64)
-    slices.find_keys(parts, chosen.choices, chosen.slice_poses, view.lights, levels, directions, keys)
+    with limited_threads(0 if len(parts) > 10 * FEW else 1):
+        slices.find_keys(parts, chosen.choices, chosen.slice_poses, view.lights, levels, directions, keys)
     firsts, peaks = shaded.find(keys, view.lighting)
     begin = library.stacks[keys[:, 0]]
     counts = library.stacks[keys[:, 0] + 1] - begin
@@ -31,10 +36,11 @@ def place(library: Prerendered, shaded: ShadedSlices, rows: Array, chosen: Selec
     numbers, pixels = np.empty((total, 12)), np.empty((total, 8), np.int64)
     depths = np.empty(total, np.float32)
     tables = (library.spheres, library.axes, library.resolutions, peaks, counts)
-    slices.place_slices(
-        draws.astype(np.int64), chosen.slice_poses, tables, library.slabs, library.heights, library.means,
-        (view.calibration, np.array(view.size, np.float64)), view.lights, view.lighting, numbers, pixels, depths,
-    )  # fmt: skip
+    with limited_threads(0 if total > FEW else 1):
+        slices.place_slices(
+            draws.astype(np.int64), chosen.slice_poses, tables, library.slabs, library.heights, library.means,
+            (view.calibration, np.array(view.size, np.float64)), view.lights, view.lighting, numbers, pixels, depths,
+        )  # fmt: skip
     return numbers, pixels, depths
 
 
@@ -50,10 +56,11 @@ def set_up(nodes: Nodes, spheres: Array, chosen: Selection, view: View) -> tuple
     draws = np.stack([drawn, nodes.faces[drawn], faces, np.cumsum(made) - made, steps], axis=1)
     numbers, boxes = np.empty((int(made.sum()), 21), np.float32), np.empty((int(made.sum()), 4), np.int64)
     limits = np.array([*view.size, view.near])
-    triangles.emit_triangles(
-        draws.astype(np.int64), poses, nodes.corners, nodes.paints, nodes.materials, (view.calibration, limits),
-        view.lights, view.lighting, numbers, boxes,
-    )  # fmt: skip
+    with limited_threads(0 if len(boxes) > FEW else 1):
+        triangles.emit_triangles(
+            draws.astype(np.int64), poses, nodes.corners, nodes.paints, nodes.materials, (view.calibration, limits),
+            view.lights, view.lighting, numbers, boxes,
+        )  # fmt: skip
     return numbers, boxes
 
 
@@ -66,8 +73,10 @@ def sort_into_tiles(sequence: Array, boxes: Array, size: tuple[int, int]) -> tup
     return starts, items
 
 
-def draw(slice_list: SliceList, faces: tuple[Array, Array], texels: Array, view: View, noted: bool) -> tuple[Array, Array]:
-    """Return colour and coverage (H, W, 4), straight, and depth (H, W), which is only filled where `noted`."""
+def draw(
+    slice_list: SliceList, faces: tuple[Array, Array], texels: Array, view: View, noted: bool
+) -> tuple[Array, Array, Array]:
+    """Return straight colour (H, W, 3), coverage (H, W) and, where `noted`, depth (H, W)."""
     numbers, pixels, depths = slice_list
     width, height = view.size
     sequence = np.empty(len(depths), np.int64)
@@ -76,10 +85,10 @@ def draw(slice_list: SliceList, faces: tuple[Array, Array], texels: Array, view:
     face_starts, face_items = sort_into_tiles(np.arange(len(faces[1])), faces[1], view.size)
     load = np.diff(starts) + np.diff(face_starts)
     tiles = np.argsort(-load, kind="stable")
-    color = np.empty((height, width, 4), np.float32)
+    color, alpha = np.empty((height, width, 3), np.float32), np.empty((height, width), np.float32)
     depth = np.empty((height, width) if noted else (0, 0), np.float32)
     composite.draw_tiles(
         tiles, numba.get_num_threads(), np.array([-(-width // order.TILE), width, height]),
-        (starts, items, numbers, pixels, depths), texels, (face_starts, face_items, *faces), noted, color, depth,
+        (starts, items, numbers, pixels, depths), texels, (face_starts, face_items, *faces), noted, color, alpha, depth,
     )  # fmt: skip
-    return color, depth
+    return color, alpha, depth

@@ -89,7 +89,9 @@ def scene_nodes(scene: Scene) -> Nodes:
     """Lay out a scene; parts that the root does not need are left out."""
     needed = _needed(scene)
     names: list[str] = []
-    counts, children, matrices, faces, corners, paints, materials = [0], [], [], [0], [], [], []
+    counts, faces = [0], [0]
+    children, matrices, corners, paints = ([np.zeros(shape)] for shape in (0, (0, 12), (0, 3, 3), (0, 3, 3)))
+    materials: list[tuple[float, float]] = []
     number: dict[str, int] = {}
 
     def add(name: str, held: list[tuple[int, Array]], meshes: tuple[PaintedMesh, ...]) -> None:
@@ -114,11 +116,11 @@ def scene_nodes(scene: Scene) -> Nodes:
     return Nodes(
         tuple(names),
         np.array(counts, np.int64),
-        np.concatenate([np.zeros(0, np.int32), *children]),
-        np.concatenate([np.zeros((0, 12)), *matrices]),
+        np.concatenate(children).astype(np.int32),
+        np.concatenate(matrices),
         np.array(faces, np.int64),
-        np.concatenate([np.zeros((0, 3, 3)), *corners]).astype(np.float32),
-        np.concatenate([np.zeros((0, 3, 3)), *paints]).astype(np.float32),
+        np.concatenate(corners).astype(np.float32),
+        np.concatenate(paints).astype(np.float32),
         np.array(materials),
     )
 
@@ -126,7 +128,7 @@ def scene_nodes(scene: Scene) -> Nodes:
 def _needed(scene: Scene) -> list[str]:
     """Names of the parts that the root consists of, in the scene's order."""
     wanted = {scene.root}
-    for name in reversed(scene.parts):
+    for name in reversed(list(scene.parts)):
         if name in wanted:
             wanted.update(copies.part for copies in scene.parts[name].children if len(copies))
     return [name for name in scene.parts if name in wanted]

@@ -23,10 +23,10 @@ MOST_POLYGONS = 4_000_000
 class Slicing:
     """How parts are sliced: directions, texels per slab, rays along a side of a texel."""
 
-    directions: int = 64
+    directions: int = 128
     slab_texels: float = 6.0
     rays: int = 4
-    finest: int = 64
+    finest: int = 32
 
 
 def prerender_nodes(nodes: Nodes, slicing: Slicing, conditional: dict[str, bool] | None = None) -> Prerendered:
@@ -103,9 +103,7 @@ def _slice_node(
         rays = slicing.rays if resolution > 8 else 2 * slicing.rays
         dense = np.zeros((len(axes), slabs, resolution, resolution, kernels.TEXEL), np.uint8)
         heights = np.empty((len(axes), slabs), np.float32)
-        kernels.prefilter(
-            local, paints, normals, axes, sphere[3], rays, 1.0 / scale, conditional, dense, heights
-        )
+        kernels.prefilter(local, paints, normals, axes, sphere[3], rays, 1.0 / scale, conditional, dense, heights)
         boxes = np.empty((len(axes), slabs, 4), np.int32)
         kernels.trim(dense, boxes)
         sizes = boxes[..., 2].astype(np.int64) * boxes[..., 3]
@@ -117,7 +115,7 @@ def _slice_node(
 
 
 def _join(stacks: list[_Stacks], directions: int) -> tuple[Array, Array, Array, Array, Array]:
-    """Stacks of all parts, by part, resolution, direction -> first slabs, slabs, heights, means, texels; empty ones out."""
+    """Stacks of all parts, by part, resolution, direction -> first slabs, slabs, heights, means, texels."""
     counts, slabs, heights, means = [np.zeros(1, np.int64)], [], [], []
     base = 0
     for each in stacks:

@@ -1,0 +1,45 @@
+"""What the file of ``ibrpipe bench forest`` holds."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from ibrpipe.config import Document
+from ibrpipe.engine.machine import Machine
+
+
+class ForestRow(Document):
+    """One forest from one camera. Milliseconds are CPU time over the number of threads unless they say wall time."""
+
+    trees: int = Field(ge=1, description="Trees")
+    view: str = Field(description="far, middle or near")
+    ours_ms: float = Field(ge=0, description="A frame with colour and coverage, least of the repeats")
+    ours_wall_ms: float = Field(ge=0, description="The same, wall time")
+    ours_psnr: float = Field(description="Against the peer's picture of 256 samples a pixel, sRGB over a plain sky, dB")
+    peer: dict[str, tuple[float, float]] = Field(
+        description="Embree with instances, by samples a pixel: milliseconds and PSNR; empty without the extra"
+    )
+    equal_ms: float | None = Field(
+        description="The peer's time where its PSNR is ours: interpolated between its samples, logarithm of time"
+    )
+    ratio: float | None = Field(description="equal_ms / ours_ms")
+    note: str = Field(description="Why a figure is missing; empty where none is")
+    parts: int = Field(ge=0, description="Parts drawn from slices")
+    slices: int = Field(ge=0, description="Slices drawn")
+    triangles: int = Field(ge=0, description="Triangles drawn")
+
+
+class ForestModel(Document):
+    """Forests of copies: speed at equal error."""
+
+    schema_version: Literal[1] = 1
+    machine: Machine = Field(description="Processor, threads, versions")
+    width: int = Field(ge=1, description="Pixels a row")
+    height: int = Field(ge=1, description="Rows")
+    seed: int = Field(description="Of the trees and of where they stand")
+    library_bytes: int = Field(ge=0, description="Bytes of the slices in memory")
+    prerender_seconds: float = Field(ge=0, description="Time to make the slices, wall time")
+    rows: list[ForestRow] = Field(description="By number of trees and view")
+    seconds: float = Field(ge=0, description="Time of the whole run, s")

@@ -1,0 +1,147 @@
+"""Forests by the renderer `hierarchical` and by Embree with instances, timed in turn, at equal error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from time import perf_counter, process_time
+
+import numba
+import numpy as np
+
+from ibrpipe.bench.forest.peer import Peer
+from ibrpipe.bench.forest.results import ForestModel, ForestRow
+from ibrpipe.core.color import srgb_encode
+from ibrpipe.engine.machine import describe_machine
+from ibrpipe.errors import ResourceError
+from ibrpipe.progress import track
+from ibrpipe.renderers.api import Prepared, prepare, render
+from ibrpipe.renderers.hierarchical.nodes import scene_nodes
+from ibrpipe.renderers.hierarchical.prefiltering import Slicing, prerender_nodes
+from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
+from ibrpipe.types import Array, Camera, Scene
+from ibrpipe.types.prerendered import PrerenderedScene
+
+#: linear light of the sky that pictures are compared over
+SKY = (0.55, 0.70, 0.90)
+#: samples of the peer along a side of a pixel: those that are timed, and those of the truth
+SIDES, TRUTH = (1, 2, 4), 16
+
+
+@dataclass(frozen=True)
+class _Shot:
+    """The least CPU and wall milliseconds of a picture, and the picture over the sky (H, W, 3)."""
+
+    cpu: float
+    wall: float
+    picture: Array
+
+
+def run_forest(
+    trees: Sequence[int],
+    views: Sequence[str],
+    seed: int = 5,
+    repeats: int = 5,
+    size: tuple[int, int] = (640, 480),
+    slicing: Slicing | None = None,
+) -> ForestModel:
+    """Measure forests of several sizes from several cameras; see `ForestModel`."""
+    began = perf_counter()
+    first = forest(max(trees[0], 50), seed)
+    library = prerender_nodes(scene_nodes(first), slicing or Slicing())
+    rows = []
+    for count in track(trees, "forests"):
+        scene, cameras = forest(count, seed), forest_cameras(count, *size)
+        peer, note = _peer(scene)
+        ours = prepare(PrerenderedScene(scene, library), "hierarchical")
+        rows += [_row(count, view, cameras[view], ours, peer, note, repeats) for view in views]
+    return ForestModel(
+        machine=describe_machine(), width=size[0], height=size[1], seed=seed, library_bytes=library.bytes,
+        prerender_seconds=float(library.info["seconds"]), rows=rows, seconds=perf_counter() - began,
+    )  # fmt: skip
+
+
+def _peer(scene: Scene) -> tuple[Peer | None, str]:
+    try:
+        return Peer(scene_nodes(scene), scene.lighting), ""
+    except ResourceError as error:
+        return None, f"no peer: {error}"
+
+
+def _row(
+    trees: int, view: str, camera: Camera, ours: Prepared, peer: Peer | None, note: str, repeats: int
+) -> ForestRow:
+    frame = render(ours, camera, "hierarchical", ("color", "alpha"))
+    stats = {name: int(frame.stats[name]) for name in ("parts", "slices", "triangles")}
+    shots: dict[int, _Shot] = {}
+    for _ in range(repeats):
+        _keep(shots, 0, _our_shot(ours, camera))
+        for side in SIDES if peer else ():
+            _keep(shots, side, _peer_shot(peer, camera, side))
+    mine = shots.pop(0)
+    if peer is None:
+        truth = _over_sky(*_picture(ours, camera, "polygons"))
+        note += "; PSNR is against our polygons at 16 samples a pixel"
+    else:
+        truth = _peer_shot(peer, camera, TRUTH).picture
+    scores = {side * side: (shot.cpu, psnr(shot.picture, truth)) for side, shot in shots.items()}
+    own = psnr(mine.picture, truth)
+    equal = equal_time(list(scores.values()), own)
+    return ForestRow(
+        trees=trees, view=view, ours_ms=mine.cpu, ours_wall_ms=mine.wall, ours_psnr=own,
+        peer={str(samples): score for samples, score in scores.items()}, equal_ms=equal,
+        ratio=None if equal is None else equal / mine.cpu, note=note, **stats,
+    )  # fmt: skip
+
+
+def _keep(shots: dict[int, _Shot], name: int, shot: _Shot) -> None:
+    before = shots.get(name, shot)
+    shots[name] = _Shot(min(before.cpu, shot.cpu), min(before.wall, shot.wall), shot.picture)
+
+
+def _our_shot(ours: Prepared, camera: Camera) -> _Shot:
+    wall, cpu = perf_counter(), process_time()
+    color, alpha = _picture(ours, camera, "slices")
+    cpu, wall = process_time() - cpu, perf_counter() - wall
+    return _Shot(1e3 * cpu / numba.get_num_threads(), 1e3 * wall, _over_sky(color, alpha))
+
+
+def _picture(ours: Prepared, camera: Camera, mode: str) -> tuple[Array, Array]:
+    frame = render(ours, camera, "hierarchical", ("color", "alpha"), mode=mode)
+    assert frame.color is not None
+    assert frame.alpha is not None
+    return frame.color * frame.alpha[..., None], frame.alpha
+
+
+def _peer_shot(peer: Peer | None, camera: Camera, side: int) -> _Shot:
+    assert peer is not None
+    wall = perf_counter()
+    picture, cpu = peer.render(camera, side)
+    wall = perf_counter() - wall
+    return _Shot(1e3 * cpu / numba.get_num_threads(), 1e3 * wall, _over_sky(picture[..., :3], picture[..., 3]))
+
+
+def _over_sky(color: Array, alpha: Array) -> Array:
+    return color + (1.0 - alpha[..., None]) * np.array(SKY, np.float32)
+
+
+def psnr(one: Array, other: Array) -> float:
+    """PSNR of linear pictures, as sRGB between 0 and 1, not rounded to codes, dB."""
+    a, b = (srgb_encode(each.astype(np.float64)) for each in (one, other))
+    return -10.0 * math.log10(max(1e-12, float(np.mean((a - b) ** 2))))
+
+
+def equal_time(scores: Sequence[tuple[float, float]], wanted: float) -> float | None:
+    """Return the time at which a method reaches the PSNR `wanted`, None without scores.
+
+    Between two of its (milliseconds, PSNR), ascending, the logarithm of time is linear in PSNR; beyond them the nearest
+    two are followed on.
+    """
+    if len(scores) < 2:
+        return None
+    pairs = list(pairwise(scores))
+    (t0, p0), (t1, p1) = next((pair for pair in pairs if wanted <= pair[1][1]), pairs[-1])
+    share = (wanted - p0) / (p1 - p0)
+    return math.exp((1.0 - share) * math.log(t0) + share * math.log(t1))

@@ -1,0 +1,75 @@
+"""``ibrpipe bench forest``: scenes of many copies against ray casting, at equal error."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ibrpipe.cli.figures import facts_table, print_table
+from ibrpipe.cli.options import PATH, example
+from ibrpipe.cli.show import display
+
+
+@click.command(
+    name="forest",
+    epilog=example(
+        "ibrpipe bench forest --trees 100,1000 --json forest.json", "ibrpipe bench forest --trees 10000 --views far"
+    ),
+)
+@click.option("--trees", default="100,1000", show_default=True, metavar="N,N,…", help="Sizes of the forests.")
+@click.option(
+    "--views", default="far,middle,near", show_default=True, metavar="NAME,…", help="Cameras: far, middle, near."
+)
+@click.option("--seed", type=click.IntRange(0), default=5, show_default=True, help="Of the trees and their places.")
+@click.option("--repeats", type=click.IntRange(1), default=5, show_default=True, help="Turns; the least time counts.")
+@click.option("--json", "file", type=PATH, metavar="FILE", help="Write the figures here.")
+def command(trees: str, views: str, seed: int, repeats: int, file: Path | None) -> None:
+    """Draw forests with the renderer hierarchical and with Embree's instances, in turn, and compare at equal error.
+
+    The peer is the library inside the wheel embreex (pip install ibrpipe[peers]); without it, rows say so. Truth is the
+    peer's picture with 256 samples a pixel. Times are CPU time over the number of threads. Takes about three minutes
+    for the sizes that are set, on two cores.
+    """
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait must not spin: CPU time is measured
+    from ibrpipe.bench.forest.run import run_forest
+    from ibrpipe.io.manifest import write_json
+
+    with display():
+        model = run_forest(_numbers(trees), _names(views), seed, repeats)
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_json(file, model.model_dump(mode="json"))
+    print_table(facts_table("forest", _lines(model)))
+
+
+def _numbers(text: str) -> list[int]:
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isdigit() and int(part) > 0 for part in parts):
+        raise click.UsageError(f"--trees is {text!r}; give whole numbers of at least 1, such as 100,1000")
+    return [int(part) for part in parts]
+
+
+def _names(text: str) -> list[str]:
+    from ibrpipe.synthetic.instanced.forest import VIEWS
+
+    names = [part.strip() for part in text.split(",")]
+    wrong = [name for name in names if name not in VIEWS]
+    if wrong:
+        raise click.UsageError(f"--views names {wrong[0]!r}; choose among: {', '.join(VIEWS)}")
+    return names
+
+
+def _lines(model: Any) -> dict[str, str]:
+    made = f"{model.library_bytes / 1e6:.0f} MB in {model.prerender_seconds:.0f} s"
+    lines = {"slices": made}
+    for row in model.rows:
+        told = f"{row.ours_ms:.1f} ms, {row.ours_psnr:.1f} dB"
+        if row.ratio is None:
+            told += f"; {row.note}"
+        else:
+            told += f"; Embree {row.equal_ms:.0f} ms at this error: {row.ratio:.1f}x"
+        lines[f"{row.trees} trees, {row.view}"] = told
+    return lines

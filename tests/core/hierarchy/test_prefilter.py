@@ -1,0 +1,152 @@
+"""Prefiltered slices against rays that try every triangle, one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ibrpipe.core.hierarchy import prefilter
+
+
+def soup(count, seed=0):
+    rng = np.random.default_rng(seed)
+    corners = (rng.uniform(-0.5, 0.5, (count, 1, 3)) + rng.uniform(-0.6, 0.6, (count, 3, 3))).astype(np.float32)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return corners, rng.uniform(0, 1, (count, 3, 3)).astype(np.float32), normals.astype(np.float32)
+
+
+def axes_of(d):
+    d = np.asarray(d, float) / np.linalg.norm(d)
+    a = np.cross((0, 0, 1.0) if abs(d[2]) < 0.9 else (1.0, 0, 0), d)
+    a /= np.linalg.norm(a)
+    return np.stack([a, np.cross(d, a), d])
+
+
+def ray_place(i, j):
+    return i + (0.5 + 0.6180339887 * j) % 1.0, j + (0.5 + 0.7548776662 * i) % 1.0
+
+
+def hits_of_ray(corners, axes, radius, size, i, j):
+    """All hits of ray (i, j): height along d, face, barycentric weights; nearest first."""
+    px, py = ray_place(i, j)
+    x, y = (px - size / 2) * 2 * radius / size, (py - size / 2) * 2 * radius / size
+    origin, found = x * axes[0] + y * axes[1], []
+    for f, (p, q, r) in enumerate(corners.astype(float)):
+        matrix = np.stack([q - p, r - p, axes[2]], axis=1)
+        if abs(np.linalg.det(matrix)) < 1e-12:
+            continue
+        s, t, minus = np.linalg.solve(matrix, origin - p)
+        if s >= 0 and t >= 0 and s + t <= 1:
+            found.append((-minus, f, s, t))
+    return sorted(found, reverse=True)
+
+
+def twin(corners, paints, normals, axes, radius, rays, slabs, resolution, conditional):
+    """Coverage, mean albedo, mean n, mean n n^T of every texel of every slab, as floats, and heights of slabs."""
+    size = resolution * rays
+    cover, moments = np.zeros((slabs, resolution, resolution)), np.zeros((slabs, resolution, resolution, 11))
+    open_rays, heights = np.zeros_like(cover), [[] for _ in range(slabs)]
+    for j in range(size):
+        for i in range(size):
+            hits = hits_of_ray(corners, axes, radius, size, i, j)
+            first = [next((h for h in hits if slab_of(h[0], radius, slabs) == k), None) for k in range(slabs)]
+            for k in range(slabs):
+                if conditional and k > 0 and first[k - 1] is not None:
+                    continue
+                open_rays[k, j // rays, i // rays] += 1
+                if first[k] is None:
+                    continue
+                height, f, s, t = first[k]
+                n = normals[f] * (1 if normals[f] @ axes[2] >= 0 else -1)
+                albedo = (1 - s - t) * paints[f, 0] + s * paints[f, 1] + t * paints[f, 2]
+                cover[k, j // rays, i // rays] += 1
+                heights[k].append(height)
+                moments[k, j // rays, i // rays] += (
+                    *albedo, *n, n[0] ** 2, n[1] ** 2, n[0] * n[1], n[0] * n[2], n[1] * n[2],
+                )  # fmt: skip
+    moments /= np.maximum(cover, 1)[..., None]
+    return cover / np.maximum(open_rays, 1), moments, [np.mean(h) if h else np.nan for h in heights]
+
+
+def slab_of(height, radius, slabs):
+    return min(max(int((radius - height) / (2 * radius) * slabs), 0), slabs - 1)
+
+
+@pytest.mark.parametrize("conditional", [False, True])
+def test_texels_equal_the_rays_average(conditional):
+    corners, paints, normals = soup(16)
+    axes = np.stack([axes_of((0.3, -0.5, 0.8)), axes_of((1, 0, 0))])
+    dense, heights = np.zeros((2, 2, 4, 4, 12), np.uint8), np.empty((2, 2), np.float32)
+    prefilter.prefilter(corners, paints, normals, axes, 1.8, 3, 1.0, conditional, dense, heights)
+    for d in range(2):
+        cover, moments, depth = twin(corners, paints, normals, axes[d], 1.8, 3, 2, 4, conditional)
+        np.testing.assert_allclose(dense[d, ..., 0] / 255, cover, atol=0.51 / 255)
+        there = cover > 0
+        assert there.sum() >= 4
+        found = dense[d][there].astype(float)
+        np.testing.assert_allclose((found[:, 1:4] / 255) ** 2, moments[there][:, :3], atol=5e-3)
+        np.testing.assert_allclose((found[:, 4:7] - 128) / 127, moments[there][:, 3:6], atol=0.52 / 127)
+        np.testing.assert_allclose(found[:, 7:9] / 255, moments[there][:, 6:8], atol=0.52 / 255)
+        np.testing.assert_allclose((found[:, 9:12] - 128) / 254, moments[there][:, 8:11], atol=0.52 / 254)
+        np.testing.assert_allclose(heights[d], depth, atol=1e-5)
+
+
+def test_conditional_slabs_of_a_wall_hide_what_is_behind():
+    # a square at a slant across a border of slabs: what both slabs let through together is nothing
+    square = np.array(
+        [
+            [[-0.4, -0.4, -0.4], [0.4, -0.4, 0.4], [0.4, 0.4, 0.4]],
+            [[-0.4, -0.4, -0.4], [0.4, 0.4, 0.4], [-0.4, 0.4, -0.4]],
+        ]
+    )
+    normal = np.array([[-1, 0, 1], [-1, 0, 1]]) / np.sqrt(2)
+    leak = {}
+    for conditional in (False, True):
+        dense, heights = np.zeros((1, 2, 7, 7, 12), np.uint8), np.empty((1, 2), np.float32)
+        prefilter.prefilter(
+            square.astype(np.float32), np.ones((2, 3, 3), np.float32), normal.astype(np.float32), np.eye(3)[None], 0.7,
+            4, 1.0, conditional, dense, heights,
+        )  # fmt: skip
+        inner = dense[0, :, 2:5, 2:5, 0] / 255.0
+        leak[conditional] = float(((1 - inner[0]) * (1 - inner[1])).max())
+    assert leak[False] > 0.15
+    assert leak[True] < 0.005
+
+
+def test_a_wire_thinner_than_a_texel_covers_its_share():
+    for turn in (0.0, 0.03, 0.4, np.pi / 2):
+        along, across = np.array([np.cos(turn), np.sin(turn), 0]), np.array([-np.sin(turn), np.cos(turn), 0])
+        half = 0.008
+        quad = [-along - half * across, along - half * across, along + half * across, -along + half * across]
+        corners = np.array([[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]], np.float32)
+        dense, heights = np.zeros((1, 1, 8, 8, 12), np.uint8), np.empty((1, 1), np.float32)
+        normals = np.tile(np.array([0, 0, 1], np.float32), (2, 1))
+        prefilter.prefilter(
+            corners, np.ones((2, 3, 3), np.float32), normals, np.eye(3)[None], 1.0, 8, 1.0, False, dense, heights
+        )
+        wanted = 2 * 2 * half / 4 * 64
+        assert abs(dense[0, 0, ..., 0].sum() / 255 - wanted) < 0.35 * wanted
+        assert heights[0, 0] == 0
+
+
+def test_boxes_and_packed_texels_are_those_that_cover():
+    rng = np.random.default_rng(1)
+    dense = np.zeros((2, 3, 5, 5, 12), np.uint8)
+    dense[0, 1, 1:4, 2:4] = rng.integers(1, 255, (3, 2, 12))
+    dense[1, 2, 4, 0] = 7
+    boxes = np.empty((2, 3, 4), np.int32)
+    prefilter.trim(dense, boxes)
+    assert boxes[0, 1].tolist() == [2, 1, 2, 3]
+    assert boxes[1, 2].tolist() == [0, 4, 1, 1]
+    assert (boxes[..., 2:].prod(axis=-1) > 0).sum() == 2
+    sizes = boxes[..., 2].astype(np.int64) * boxes[..., 3]
+    offsets = (np.cumsum(sizes) - sizes.ravel()).reshape(sizes.shape)
+    texels, means = np.empty((7, 12), np.uint8), np.empty((2, 3, 12), np.float32)
+    prefilter.pack(dense, boxes, offsets, texels, means)
+    np.testing.assert_array_equal(texels[:6], dense[0, 1, 1:4, 2:4].reshape(6, 12))
+    assert (texels[6] == 7).all()
+    weight = texels[:6, 0].astype(float)
+    np.testing.assert_allclose(means[0, 1, 0], weight.mean() / 255, rtol=1e-5)
+    np.testing.assert_allclose(means[0, 1, 1], (weight * (texels[:6, 1] / 255.0) ** 2).sum() / weight.sum(), rtol=1e-5)
+    assert (means[0, 0] == 0).all()

@@ -1,0 +1,258 @@
+"""The renderer `hierarchical` against its own polygons, which are exact but for 4 x 4 samples a pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ibrpipe
+from ibrpipe.bench.forest.run import psnr
+from ibrpipe.errors import RendererError
+from ibrpipe.renderers.hierarchical.nodes import scene_nodes
+from ibrpipe.renderers.hierarchical.prefiltering import Slicing, prerender_nodes
+from ibrpipe.synthetic.instanced.city import city
+from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
+from ibrpipe.synthetic.instanced.pieces import painted_box, placed, turned
+from ibrpipe.synthetic.instanced.solids import painted_ball, solids
+from ibrpipe.types import Camera, Instances, Light, Lighting, Mesh, PaintedMesh, Part, Scene
+from ibrpipe.types.prerendered import PrerenderedScene
+
+COARSE = Slicing(directions=48, rays=3, finest=23)
+
+
+def prepared(scene, slicing=COARSE):
+    library = prerender_nodes(scene_nodes(scene), slicing)
+    return ibrpipe.prepare(PrerenderedScene(scene, library), "hierarchical")
+
+
+@pytest.fixture(scope="module")
+def trees():
+    return prepared(forest(40))
+
+
+def over(frame, sky=0.6):
+    return frame.color * frame.alpha[..., None] + (1 - frame.alpha[..., None]) * np.float32(sky)
+
+
+@pytest.mark.parametrize(("view", "least"), [("far", 36.0), ("middle", 33.0), ("near", 28.0)])
+def test_a_forest_from_slices_is_like_its_polygons(trees, view, least):
+    camera = forest_cameras(40, 200, 150)[view]
+    frame = ibrpipe.render(trees, camera, "hierarchical")
+    exact = ibrpipe.render(trees, camera, "hierarchical", mode="polygons")
+    assert frame.stats["slices"] > 100
+    assert frame.stats["triangles"] < exact.stats["triangles"] / 3
+    assert exact.stats["slices"] == 0
+    assert psnr(over(frame), over(exact)) > least
+    assert abs(float(frame.alpha.mean() - exact.alpha.mean())) < 0.005
+    both = np.isfinite(frame.depth) & np.isfinite(exact.depth)
+    assert np.mean(np.abs(frame.depth[both] / exact.depth[both] - 1) < 0.02) > 0.85
+
+
+@pytest.mark.parametrize("view", ["far", "near"])
+def test_threads_change_no_byte(trees, view):
+    camera = forest_cameras(40, 160, 120)[view]
+    one, two = (ibrpipe.render(trees, camera, "hierarchical", threads=n) for n in (1, 2))
+    for name in ("color", "depth", "alpha"):
+        assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
+
+
+def test_a_finer_error_draws_more(trees):
+    camera = forest_cameras(40, 200, 150)["far"]
+    fine, coarse = (ibrpipe.render(trees, camera, "hierarchical", pixel_error=e) for e in (0.5, 4.0))
+    assert fine.stats["slices"] > 2 * coarse.stats["slices"]
+    exact = over(ibrpipe.render(trees, camera, "hierarchical", mode="polygons"))
+    assert psnr(over(fine), exact) > psnr(over(coarse), exact) + 1
+
+
+def test_only_what_is_asked_for_is_there(trees):
+    frame = ibrpipe.render(trees, forest_cameras(40, 64, 48)["far"], "hierarchical", outputs=("alpha",))
+    assert frame.color is None
+    assert frame.depth is None
+    assert frame.alpha.shape == (48, 64)
+
+
+def test_a_city_is_drawn_from_slices_of_its_houses():
+    data = prepared(city(4))
+    camera = Camera.look_at((150, -190, 120), (0, 0, 5), width=200, height=150)
+    frame = ibrpipe.render(data, camera, "hierarchical")
+    exact = ibrpipe.render(data, camera, "hierarchical", mode="polygons")
+    assert frame.stats["slices"] > 20
+    assert psnr(over(frame), over(exact)) > 27
+
+
+def ball_scene(matrix, lighting=None):
+    """Two copies of a painted ball, so that it has slices; one of them placed by `matrix`, the other far away."""
+    ball = Part("ball", (painted_ball(1.0, (0.6, 0.4, 0.2)),))
+    copies = Instances("ball", np.stack([matrix, placed((0, 5e5, 0))]))
+    return Scene([ball, Part("root", children=(copies,))], "root", lighting)
+
+
+CAMERA = Camera.look_at((0, -24, 4), (0, 0, 0), width=96, height=72)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        placed((0, 0, 0)),
+        placed((0, 0, 0), np.diag([-1.0, 1, 1])),
+        placed((0.5, 0, 0), turned((1, 2, 3), 1.0) @ np.diag([0.5, 1.5, 3.0])),
+        placed((0, 0, 0), turned((1, 0, 0), 0.4), np.array([1.0, 1.0, 1e-9])),
+        placed((0, 0, 0), np.diag([1.0, 0, 0])),
+        placed((0, 0, 0), np.zeros((3, 3))),
+        placed((0, 0, 0), None, 1e-4),
+    ],
+    ids=["itself", "mirrored", "stretched", "flat", "rank-1", "zero", "tiny"],
+)
+def test_any_affine_matrix_is_drawn_like_its_polygons(matrix):
+    data = prepared(ball_scene(matrix))
+    frame = ibrpipe.render(data, CAMERA, "hierarchical")
+    exact = ibrpipe.render(data, CAMERA, "hierarchical", mode="polygons")
+    for name in ("color", "alpha"):
+        assert np.isfinite(getattr(frame, name)).all()
+    assert not np.isnan(frame.depth).any()
+    assert abs(float((frame.alpha - exact.alpha).mean())) < 0.004
+    assert psnr(over(frame), over(exact)) > 33
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.3, 1.0, 1.4999, 1.5001, 3.0])
+def test_the_eye_may_be_anywhere(distance):
+    data = prepared(ball_scene(placed((0, 0, 0))))
+    camera = Camera.look_at((0, -distance, 0), (0, 9, 0), width=64, height=48)
+    frame = ibrpipe.render(data, camera, "hierarchical")
+    exact = ibrpipe.render(data, camera, "hierarchical", mode="polygons")
+    assert np.isfinite(frame.color).all()
+    assert psnr(over(frame), over(exact)) > 30
+    if distance < 1:
+        assert (frame.alpha > 0.99).all()
+
+
+def test_a_million_units_from_the_origin_nothing_changes():
+    shift = np.array([1e6, -1e6, 1e6])
+    here = ibrpipe.render(prepared(ball_scene(placed((0, 0, 0)))), CAMERA, "hierarchical")
+    camera = Camera(CAMERA.K, np.column_stack([CAMERA.R, CAMERA.t - CAMERA.R @ shift]), 96, 72)
+    there = ibrpipe.render(prepared(ball_scene(placed(shift))), camera, "hierarchical")
+    assert np.abs(here.color * here.alpha[..., None] - there.color * there.alpha[..., None]).max() < 0.01
+    assert np.abs(here.alpha - there.alpha).max() < 0.01
+
+
+def test_nested_scales_cancel():
+    ball = Part("ball", (painted_ball(1.0, (0.6, 0.4, 0.2)),))
+    small = Part("small", children=(Instances("ball", np.stack([placed((0, 0, 0), None, 1e-4)] * 1)),))
+    twice = Instances("small", np.stack([placed((0, 0, 0), None, 1e4), placed((0, 9e5, 0))]))
+    data = prepared(Scene([ball, small, Part("root", children=(twice,))], "root"))
+    plain = ibrpipe.render(prepared(ball_scene(placed((0, 0, 0)))), CAMERA, "hierarchical")
+    nested = ibrpipe.render(data, CAMERA, "hierarchical")
+    assert np.abs(plain.alpha - nested.alpha).mean() < 0.002
+
+
+def test_equal_depths_and_coincident_copies_are_no_trouble():
+    ball = Part("ball", (painted_ball(1.0, (0.6, 0.4, 0.2)),))
+    data = prepared(
+        Scene([ball, Part("root", children=(Instances("ball", np.stack([placed((0, 0, 0))] * 5)),))], "root")
+    )
+    frames = [ibrpipe.render(data, CAMERA, "hierarchical", threads=n) for n in (1, 2)]
+    assert frames[0].color.tobytes() == frames[1].color.tobytes()
+    assert np.isfinite(frames[0].color).all()
+
+
+def one_triangle():
+    mesh = Mesh(np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1.0]]), np.array([[0, 1, 2]]))
+    return PaintedMesh(mesh, np.full((3, 3), 0.5, np.float32))
+
+
+def test_empty_parts_and_single_triangles_are_drawn():
+    parts = [
+        Part("nothing"),
+        Part("leaf", (one_triangle(),)),
+        Part(
+            "root",
+            children=(
+                Instances("nothing", np.stack([np.eye(4)] * 3)),
+                Instances("leaf", np.stack([placed((n, 0, 0)) for n in range(3)])),
+            ),
+        ),
+    ]
+    frame = ibrpipe.render(prepared(Scene(parts, "root")), CAMERA, "hierarchical")
+    assert frame.alpha.sum() > 1
+    empty = ibrpipe.render(prepared(Scene([Part("root")], "root")), CAMERA, "hierarchical")
+    assert not empty.alpha.any()
+    assert np.isinf(empty.depth).all()
+
+
+def test_buffers_grow_and_old_slices_are_dropped(trees):
+    small = prepared(forest(40))
+    small.data.shaded._most = 20_000
+    camera = forest_cameras(40, 120, 90)
+    for view in ("far", "middle", "near", "far"):
+        one = ibrpipe.render(small, camera[view], "hierarchical")
+        other = ibrpipe.render(trees, camera[view], "hierarchical")
+        assert one.color.tobytes() == other.color.tobytes()
+
+
+def test_lights_and_highlights_are_those_of_the_polygons():
+    lights = (Light((1, -1, 1), (0.5, 0.4, 0.3)), Light((-1, -0.5, 0.2), (0.1, 0.2, 0.5)))
+    lighting = Lighting(np.array([0.1, 0.15, 0.2]), lights)
+    ball = Part(
+        "ball",
+        (
+            PaintedMesh(
+                *[painted_ball(1.0, (0.3, 0.3, 0.3), 48).mesh, painted_ball(1.0, (0.3, 0.3, 0.3), 48).color], 0.4, 12.0
+            ),
+        ),
+    )
+    copies = Instances("ball", np.stack([placed((0, 0, 0), turned((1, 2, 0), 0.8)), placed((0, 5e5, 0))]))
+    data = prepared(Scene([ball, Part("root", children=(copies,))], "root", lighting), Slicing(128, 4.0, 4, 32))
+    frame = ibrpipe.render(data, CAMERA, "hierarchical")
+    exact = ibrpipe.render(data, CAMERA, "hierarchical", mode="polygons")
+    assert frame.stats["slices"] > 0
+    inner = (exact.alpha == 1) & (frame.alpha > 0.97)
+    assert inner.sum() > 25
+    assert np.abs(frame.color - exact.color)[inner].mean() < 0.03
+    assert exact.color[inner].max() > 2 * np.median(exact.color[inner])
+
+
+def test_solids_leak_little_where_coverage_is_conditional():
+    copies = Instances("solids", np.stack([placed((0, 0, 0)), placed((0, 5e5, 0))]))
+    scene = Scene([*solids().parts.values(), Part("root", children=(copies,))], "root")
+    nodes = scene_nodes(scene)
+    camera = Camera.look_at((40, -70, 30), (0, 0, 0), width=120, height=90, fov_y_deg=12)
+    leak = {}
+    for conditional in (False, True):
+        library = prerender_nodes(nodes, Slicing(96, 6.0, 4, 32), dict.fromkeys(nodes.names, conditional))
+        data = ibrpipe.prepare(PrerenderedScene(scene, library), "hierarchical")
+        frame = ibrpipe.render(data, camera, "hierarchical")
+        exact = ibrpipe.render(data, camera, "hierarchical", mode="polygons")
+        whole = exact.alpha == 1
+        inside = whole[1:-1, 1:-1] & whole[:-2, 1:-1] & whole[2:, 1:-1] & whole[1:-1, :-2] & whole[1:-1, 2:]
+        leak[conditional] = float((1 - frame.alpha[1:-1, 1:-1])[inside].mean())
+    assert leak[True] < leak[False]
+    assert leak[True] < 0.01
+
+
+def test_what_cannot_be_drawn_is_refused(trees):
+    scene = forest(2)
+    with pytest.raises(RendererError, match="one scene at a time"):
+        ibrpipe.prepare([scene, scene], "hierarchical")
+    crowded = Scene(scene.parts, scene.root, Lighting(lights=tuple(Light((1, n, 1)) for n in range(5))))
+    with pytest.raises(RendererError, match="at most 4"):
+        ibrpipe.prepare(crowded, "hierarchical")
+    with pytest.raises(RendererError, match="of another scene"):
+        ibrpipe.prepare(PrerenderedScene(solids(), trees.data.library), "hierarchical")
+    with pytest.raises(RendererError, match="pixel_error is 0"):
+        ibrpipe.render(trees, CAMERA, "hierarchical", pixel_error=0.0)
+
+
+def test_flattening_and_counts_agree_with_the_scene():
+    scene = forest(3)
+    nodes = scene_nodes(scene)
+    assert nodes.triangles[nodes.root] == scene.polygons["forest"]
+    corners, paints = nodes.flattened(nodes.names.index("oak-bough"))
+    wanted = np.concatenate([m.mesh.vertices[m.mesh.faces] for m in scene.flattened("oak-bough")])
+    assert len(paints) == len(wanted)
+    np.testing.assert_allclose(corners.sum(axis=(0, 1)), wanted.sum(axis=(0, 1)), rtol=1e-5)
+
+
+def test_a_box_is_made_of_outward_faces():
+    box = painted_box((0, 0, 0), (1, 2, 3), (1, 1, 1)).mesh
+    a, b, c = (box.vertices[box.faces[:, n]] for n in range(3))
+    assert np.einsum("ni,ni->", a, np.cross(b, c)) / 6 == pytest.approx(6.0)
