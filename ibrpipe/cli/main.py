@@ -22,7 +22,7 @@ JOBS: Section = {
 }
 TOOLS: Section = {
     "bench": (
-        "ibrpipe.cli.bench:command",
+        "ibrpipe.cli.bench.group:command",
         "Hold all renderers against the exact answer.",
     ),
     "compare-depth": ("ibrpipe.cli.compare_depth:command", "Measure depth maps against a stereo set's truth."),

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from ibrpipe.cli.bench_forest import command as forest_command
+from ibrpipe.cli.bench.forest import command as forest_command
 from ibrpipe.cli.figures import facts_table, print_table
 from ibrpipe.cli.options import PATH, example, json_option
 from ibrpipe.cli.show import display

@@ -1,0 +1,1 @@
+"""``ibrpipe bench``: the group, and commands that stand for themselves."""
