@@ -50,8 +50,9 @@ def find_texels(affine, first, stride, wide, high, x, y, n, index, parts):
 
 
 @fused
-def blend_texels(n, p, parts, upper, lower, gains, depth, limit, red, green, blue, clear, stopped):
+def blend_texels(n, p, parts, upper, lower, gains, depth, planes, stopped):
     # lanes n .. n + SPAN of a block onto pixels p .. p + SPAN of the tile
+    limit, red, green, blue, clear, _ = planes
     mask, whole = np.uint32(0x00FF00FF), np.uint32(16)
     for i in range(_SPAN):
         right, below = parts[n + i] & np.uint32(255), parts[n + i] >> np.uint32(8)
@@ -98,14 +99,14 @@ def shown_part(at, slope, most, low, high):
 def flush(n, depth, stride, texels, noted, block, planes):
     # blends the n lanes that wait in a block
     index, parts, spots, upper, lower, stopped, _, gains = block
-    limit, red, green, blue, clear, sums = planes
+    clear, sums = planes[4], planes[5]
     for i in range(n):
         upper[i] = texels[index[i]]
         lower[i] = texels[index[i] + stride]
     upper32, lower32 = upper.view(np.uint32), lower.view(np.uint32)
     for span in range(n // _SPAN):
         p = np.uint64(spots[span])
-        blend_texels(span * _SPAN, p, parts, upper32, lower32, gains, depth, limit, red, green, blue, clear, stopped)
+        blend_texels(span * _SPAN, p, parts, upper32, lower32, gains, depth, planes, stopped)
         if noted:
             note_depth(p, depth, clear, stopped, sums)
 
@@ -182,7 +183,7 @@ def draw_tiles(tiles, groups, size, slices, texels, triangles, noted, color, alp
         state, found, paint = np.zeros(1, np.int64), np.empty(16, np.int32), np.empty(4)
         box = np.empty(4, np.int64)
         counts, fronts = np.empty((3, 16), np.int32), np.empty(16, np.float32)
-        work = (state, found, counts, fronts, paint)
+        work, partial = (state, found, counts, fronts, paint), (listed, places)
         block = (index, parts, spots, upper, lower, stopped, affine, gains)
         planes = (limit, red, green, blue, clear, sums)
         for k in range(group, len(tiles), groups):
@@ -214,7 +215,7 @@ def draw_tiles(tiles, groups, size, slices, texels, triangles, noted, color, alp
             for j in range(box[2], box[3]):
                 for i in range(box[0], box[1]):
                     fr.resolve_pixel(
-                        j, i, left, top, near, face, face_numbers, face_boxes, limit, back, listed, places, work
+                        j, i, left, top, (near, face), (face_numbers, face_boxes), (limit, back), partial, work
                     )
             first, last = starts[tile], starts[tile + 1]
             ends = np.zeros(last - first + 2 if state[0] > 0 else 2, np.int64)

@@ -164,10 +164,14 @@ def sole_triangle(j, i, near, face):
 
 
 @helper
-def resolve_pixel(j, i, left, top, near, face, numbers, boxes, limit, back, listed, places, work):
-    # one pixel of a tile: its opaque fragment to limit, back; the others to listed (FRAGMENTS, 5) f32: red, green,
-    # blue, share, depth, and places (FRAGMENTS,) i32, from `work[0][0]` on, which counts on
-    state, triangles, counts, depths, color = work
+def resolve_pixel(j, i, left, top, samples, triangles, solid, partial, work):
+    # one pixel of a tile: of samples near, face and triangles numbers, boxes its opaque fragment to limit, back; the
+    # others to listed (FRAGMENTS, 5) f32: red, green, blue, share, depth, and places (FRAGMENTS,) i32, from state[0] on
+    near, face = samples
+    numbers, boxes = triangles
+    limit, back = solid
+    listed, places = partial
+    state, faces, counts, depths, color = work
     p = j * TILE + i
     sole = sole_triangle(j, i, near, face)
     if sole >= 0:
@@ -178,13 +182,13 @@ def resolve_pixel(j, i, left, top, near, face, numbers, boxes, limit, back, list
                 back[c, p] = color[c]
     if sole != -1:
         return
-    found = split_pixel(j, i, near, face, triangles, counts, depths)
+    found = split_pixel(j, i, near, face, faces, counts, depths)
     remaining = GRID * GRID
     for n in range(found):
         count = counts[0, n]
         x = left + i + (counts[1, n] / count + 0.5) / GRID
         y = top + j + (counts[2, n] / count + 0.5) / GRID
-        t = triangles[n]
+        t = faces[n]
         paint(numbers[t], boxes[t], x, y, color)
         if color[3] >= limit[p]:
             continue
