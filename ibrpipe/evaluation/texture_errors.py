@@ -60,7 +60,7 @@ def tiles_of_pixels(scene: Scene, camera: Camera, tiling: Tiling) -> Array:
     found = np.full(hits.ids.shape, -1, np.int64)
     for number, (texture, field) in enumerate(scene.patches):
         first = int(scene.firsts[number])
-        own = (hits.ids >= first) & (hits.ids < int(scene.firsts[number + 1]))
+        own = np.isfinite(hits.depth) & (hits.ids >= first) & (hits.ids < int(scene.firsts[number + 1]))
         column, row = np.maximum(field.cells[hits.ids[own].astype(np.int64) - first].astype(np.int64) - 1, 0).T
         found[own] = tiling.of_texels(np.full(len(row), texture), row, column)
     return found

@@ -1,8 +1,9 @@
 """Residual images of one texture in one zip: a picture per spiral direction at its own size, and `residuals.json`.
 
-8-bit residuals are WebP pictures (lossless, or lossy at a stated quality) whose alpha says where a texel is valid;
-linear residuals are half-float NumPy arrays. Any zip tool and picture viewer opens them. Texels that are not valid
-carry smoothly continued colours, so that they cost few bytes and lossy coding does not ring at silhouettes.
+8-bit residuals are WebP pictures (lossless, or lossy at a stated quality) whose alpha says where a texel is valid, or,
+coded compactly, one AVIF picture of all directions; linear residuals are half-float NumPy arrays. Any zip tool and
+picture viewer opens them. Texels that are not valid carry smoothly continued colours, so that they cost few bytes and
+lossy coding does not ring at silhouettes.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
-from ibrpipe.io.components import Component, ComponentFiles
+from ibrpipe.io.components import Component, SampleFiles
+from ibrpipe.io.layer_pictures.avif import LONGEST, QUICK
 from ibrpipe.io.layers import frame_as_json, frame_from_json
 from ibrpipe.io.photos.image_files import one_line
-from ibrpipe.types import Array, ParallelFrame, SpiralResiduals
+from ibrpipe.io.residual_atlas import pack_images, unpack_images
+from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame, SpiralResiduals
 
 NAME = "residuals.zip"
 SCHEMA = 1
@@ -33,27 +36,35 @@ _DAMAGE = (
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
-def write_residuals(residuals: SpiralResiduals, folder: Path, quality: int = 100) -> Path:
+def write_residuals(
+    residuals: SpiralResiduals, folder: Path, quality: int = 100, compact: bool = False, speed: int = QUICK
+) -> Path:
     """Write `residuals.zip` into `folder`.
 
     Parameters
     ----------
     quality : int
-        WebP quality of 8-bit residuals, 1 to 100; 100 is lossless.
+        Of 8-bit residuals, 1 to 100: WebP's, 100 is lossless; AVIF's, where they are written compactly.
+    compact : bool
+        Write 8-bit residuals as one AVIF picture without saying which texels are valid; not at quality 100.
+    speed : int
+        As `ibrpipe.io.layer_pictures.avif.encode_avif` takes it.
 
     Raises
     ------
     ResourceError
         The file cannot be written.
     """
-    path = folder / NAME
+    path, atlas = folder / NAME, None
+    if compact and quality < 100 and residuals.texels.dtype == np.uint8:
+        atlas = pack_images(residuals.texels, residuals.valid, residuals.sizes, residuals.zero, quality, speed)
     header = {
         "schema": SCHEMA,
         "rectangle": frame_as_json(residuals.rectangle),
         "k": residuals.k,
         "closed": residuals.closed,
         "zero": residuals.zero,
-        "encoding": "8bit" if residuals.texels.dtype == np.uint8 else "half",
+        "encoding": "avif" if atlas is not None else "8bit" if residuals.texels.dtype == np.uint8 else "half",
         "alphas": residuals.alphas.tolist(),
         "directions": residuals.directions.tolist(),
         "sizes": residuals.sizes.tolist(),
@@ -61,7 +72,9 @@ def write_residuals(residuals: SpiralResiduals, folder: Path, quality: int = 100
     try:
         with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
             _add(archive, "residuals.json", json.dumps(header).encode(), zipfile.ZIP_DEFLATED)
-            for index in range(len(residuals.sizes)):
+            if atlas is not None:
+                _add(archive, "residuals.avif", atlas)
+            for index in range(len(residuals.sizes) if atlas is None else 0):
                 texels, valid = image_of(residuals, index)
                 if texels.dtype == np.uint8:
                     _add(archive, f"{index:03d}.webp", _webp(texels, valid, quality))
@@ -72,8 +85,18 @@ def write_residuals(residuals: SpiralResiduals, folder: Path, quality: int = 100
     return path
 
 
-class SpiralFiles(ComponentFiles):
+class SpiralFiles(SampleFiles):
     """The kind "spiral" on disk: one archive per texture."""
+
+    def write_on(
+        self, component: SpiralResiduals, layers: LayeredDepthImage, folder: Path, quality: int, speed: int
+    ) -> dict[str, str]:
+        """Write `residuals.zip` compactly."""
+        return {"file": write_residuals(component, folder, quality, True, speed).name}
+
+    def read_on(self, entry: Component, root: Path, shared: object, layers: LayeredDepthImage) -> SpiralResiduals:
+        """Read `residuals.zip`."""
+        return self.read(entry, root, shared)
 
     def write(self, component: SpiralResiduals, folder: Path, quality: int) -> dict[str, str]:
         """Write `residuals.zip`."""
@@ -156,12 +179,27 @@ def read_residuals(path: Path) -> SpiralResiduals:
             header = json.loads(archive.read("residuals.json"))
             if header["schema"] != SCHEMA:
                 raise FormatError(f"{path}: residuals of schema {header['schema']}, this version reads {SCHEMA}")
+            if header["encoding"] == "avif":
+                return _assemble(header, *_unpacked(archive, header))
             images = [_decode(archive, index, header) for index in range(len(header["sizes"]))]
-        return _assemble(header, images)
+        flat = np.concatenate([image.reshape(-1, 4) for image in images])
+        return _assemble(header, np.ascontiguousarray(flat[:, :3]), flat[:, 3] > 0)
     except FormatError:
         raise
     except _DAMAGE as error:
         raise FormatError(f"{path}: damaged ({one_line(str(error))}); copy the asset again") from error
+
+
+def _unpacked(archive: zipfile.ZipFile, header: dict[str, Any]) -> tuple[Array, Array]:
+    """Return texels (T, 3) uint8 and valid (T,) of the one picture of all directions."""
+    sizes = header["sizes"]
+    if not all(len(size) == 2 and all(type(edge) is int and 0 < edge <= LONGEST for edge in size) for size in sizes):
+        raise ValueError("its sizes cannot be")
+    try:
+        texels = unpack_images(archive.read("residuals.avif"), np.array(sizes, np.int32).reshape(-1, 2))
+    except FormatError as error:
+        raise ValueError(str(error)) from error
+    return texels, np.ones(len(texels), bool)
 
 
 def _decode(archive: zipfile.ZipFile, index: int, header: dict[str, Any]) -> Array:
@@ -170,7 +208,7 @@ def _decode(archive: zipfile.ZipFile, index: int, header: dict[str, Any]) -> Arr
     if header["encoding"] == "half":
         image = np.load(io.BytesIO(archive.read(f"{index:03d}.npy"))).astype(np.float32)
     elif header["encoding"] != "8bit":
-        raise ValueError(f"encoding {header['encoding']!r}, expected 8bit or half")
+        raise ValueError(f"encoding {header['encoding']!r}, expected 8bit, avif or half")
     else:
         data = np.frombuffer(archive.read(f"{index:03d}.webp"), np.uint8)
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
@@ -184,8 +222,7 @@ def _decode(archive: zipfile.ZipFile, index: int, header: dict[str, Any]) -> Arr
     return image
 
 
-def _assemble(header: dict[str, Any], images: list[Array]) -> SpiralResiduals:
-    flat = np.concatenate([image.reshape(-1, 4) for image in images])
+def _assemble(header: dict[str, Any], texels: Array, valid: Array) -> SpiralResiduals:
     sizes = np.array(header["sizes"], np.int32)
     frame = frame_from_json(header["rectangle"])
     if not isinstance(frame, ParallelFrame):
@@ -200,8 +237,8 @@ def _assemble(header: dict[str, Any], images: list[Array]) -> SpiralResiduals:
         directions,
         sizes,
         np.concatenate([[0], np.cumsum(sizes.astype(np.int64).prod(axis=1))]),
-        np.ascontiguousarray(flat[:, :3]),
-        flat[:, 3] > 0,
+        texels,
+        valid,
         header["zero"],
         header["closed"],
     )

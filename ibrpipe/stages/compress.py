@@ -68,7 +68,7 @@ class CompressConfig(StageConfig):
         None, ge=1, le=99, description="AVIF quality of the weights of shared reflection; none = chosen"
     )
     component_quality: int | None = Field(
-        None, ge=1, le=99, description="Quality of residual images, as WebP's; none = chosen"
+        None, ge=1, le=99, description="AVIF quality of residual images; none = chosen"
     )
 
     @model_validator(mode="after")

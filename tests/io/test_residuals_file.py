@@ -79,6 +79,54 @@ def test_lossy_is_smaller_and_within_bounds(tmp_path):
     assert np.percentile(errors[0], 99) < 10
 
 
+def test_compact_residuals_take_less_and_are_valid_everywhere(tmp_path):
+    residuals = some_residuals()
+    sizes, errors = [write_residuals(residuals, tmp_path, 90).stat().st_size], []
+    for quality in (85, 60, 30):
+        path = write_residuals(residuals, tmp_path, quality, compact=True)
+        back = read_residuals(path)
+        for name in ("alphas", "directions", "sizes", "starts"):
+            np.testing.assert_array_equal(getattr(back, name), getattr(residuals, name), err_msg=name)
+        assert back.zero == residuals.zero
+        assert back.valid.all()
+        own = residuals.valid
+        errors.append(float(((back.texels[own].astype(float) - residuals.texels[own]) ** 2).mean()))
+        sizes.append(path.stat().st_size)
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[1] < 0.7 * sizes[0]
+    assert errors == sorted(errors)
+    assert errors[0] < 4
+
+
+def test_compact_without_loss_or_of_half_floats_is_as_ever(tmp_path):
+    for residuals, quality in ((some_residuals(), 100), (some_residuals(np.float32), 50)):
+        path = write_residuals(residuals, tmp_path, quality, compact=True)
+        with zipfile.ZipFile(path) as archive:
+            assert "residuals.avif" not in archive.namelist()
+        np.testing.assert_array_equal(read_residuals(path).valid, residuals.valid)
+
+
+@pytest.mark.parametrize("change", ["cut", "missing", "sizes", "negative"])
+def test_damaged_compact_residuals(tmp_path, change):
+    path = write_residuals(some_residuals(), tmp_path, 50, compact=True)
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    header = json.loads(parts["residuals.json"])
+    if change == "cut":
+        parts["residuals.avif"] = parts["residuals.avif"][:100]
+    elif change == "missing":
+        del parts["residuals.avif"]
+    else:
+        header["sizes"][0] = [header["sizes"][0][0] + 30, 40] if change == "sizes" else [-3, 5]
+    parts["residuals.json"] = json.dumps(header).encode()
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in parts.items():
+            archive.writestr(name, data)
+    with pytest.raises(FormatError, match=r"residuals.zip: damaged") as caught:
+        read_residuals(path)
+    assert "\n" not in str(caught.value)
+
+
 def test_the_same_residuals_give_the_same_bytes(tmp_path):
     first = write_residuals(some_residuals(), tmp_path, 90).read_bytes()
     assert write_residuals(some_residuals(), tmp_path, 90).read_bytes() == first

@@ -15,6 +15,31 @@ from ibrpipe.types import Array
 MOST_TEXELS = 2**28
 
 
+def place(sizes: Sequence[tuple[int, ...]]) -> tuple[list[tuple[int, int]], tuple[int, int]]:
+    """Lay boxes (height, width) in rows of about a square, each row as high as its highest box.
+
+    Returns
+    -------
+    corners : list of (row, column), of the boxes
+    shape : (height, width) of the whole
+    """
+    area = sum(height * width for height, width in sizes)
+    width = max([1, math.ceil(math.sqrt(area)), *(size[1] for size in sizes)])
+    corners: list[tuple[int, int]] = []
+    x, y, row = 0, 0, 0
+    for high, wide in sizes:
+        if x + wide > width:
+            x, y, row = 0, y + row, 0
+        corners.append((y, x))
+        x, row = x + wide, max(row, high)
+    return corners, (max(y + row, 1), width)
+
+
+def fits(shape: tuple[int, int]) -> bool:
+    """Say whether codecs take a picture as large."""
+    return max(shape) <= LONGEST and shape[0] * shape[1] <= MOST_TEXELS
+
+
 class Atlas:
     """Where the boxes of the layers lie in a picture: in rows, each as high as its highest box.
 
@@ -30,17 +55,8 @@ class Atlas:
     def __init__(self, planes: Sequence[Plane], numbers: int = 1) -> None:
         self._planes, self._numbers = planes, numbers
         sizes = [plane.there.shape for _ in range(numbers) for plane in planes]
-        area = sum(height * width for height, width in sizes)
-        width = max([1, math.ceil(math.sqrt(area)), *(size[1] for size in sizes)])
-        self._corners: list[tuple[int, int]] = []
-        x, y, row = 0, 0, 0
-        for high, wide in sizes:
-            if x + wide > width:
-                x, y, row = 0, y + row, 0
-            self._corners.append((y, x))
-            x, row = x + wide, max(row, high)
-        self.shape = (max(y + row, 1), width)
-        self.fits = max(self.shape) <= LONGEST and self.shape[0] * self.shape[1] <= MOST_TEXELS
+        self._corners, self.shape = place(sizes)
+        self.fits = fits(self.shape)
 
     def spread(self, codes: Array) -> Array:
         """Return the picture (h, w, 3) of colours (S, 3), or (h, w) of numbers (S, numbers), all uint8.

@@ -69,5 +69,7 @@ def decode_avif(data: bytes, shape: tuple[int, ...]) -> Array:
                 f"{wanted} {shape[1]} x {shape[0]} belongs there"
             )
         return np.asarray(image)
+    except FormatError:
+        raise
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise FormatError(f"a picture is damaged: {one_line(str(error))}") from error

@@ -49,7 +49,7 @@ LADDERS: Mapping[str, tuple[Level, ...]] = {
     "depth": ({}, *({"depth_step": 2.0**-power} for power in (4, 3, 2, 1, 0))),
     "normal": _qualities("normal_quality", 95, 90, 85, 80, 75, 70, 65, 60, 55, 50, 40, 30),
     "weights": _qualities("weights", 90, 70, 60, 50, 40, 30, 25, 20, 15, 10, 5),
-    "components": _qualities("components", 85, 75, 65, 55, 45, 35, 25, 18, 12, 6, 3, 1),
+    "components": _qualities("components", 90, 80, 70, 60, 50, 42, 35, 28, 22, 16, 11, 7, 4),
 }
 
 #: levels that are coded and measured; what lies between and beyond is told by them
@@ -58,7 +58,7 @@ ANCHORS: Mapping[str, tuple[int, ...]] = {
     "depth": (3, 5),
     "normal": (7,),
     "weights": (6,),
-    "components": (2, 8),
+    "components": (4, 8),
 }
 #: factors of bytes and of errors from a level to the next, where one is measured
 FACTORS: Mapping[str, tuple[float, float]] = {"normal": (0.88, 1.17), "weights": (0.75, 1.6)}
