@@ -9,8 +9,6 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.jit import exact_kernel, fused_exact
-from ibrpipe.core.ldi.search import walk_ray
-from ibrpipe.core.rays import clip_box, depth_at
 from ibrpipe.core.reflection.directions import table_cell
 from ibrpipe.core.reflection.model import CORNERS, corner_weights
 
@@ -71,31 +69,3 @@ def reflect(normals, toward, size, out_where, out_traits, out_reflected):
             cell, fx, fy = table_cell(rx, ry, rz, size)
             out_where[i, 1] = cell
             out_traits[i, 2], out_traits[i, 3], out_traits[i, 4] = off**5, fx, fy
-
-
-@exact_kernel
-def search_rays(rays, chosen, pose, box, pyramid, leaves, base, out_t, out_ids):
-    """Lower out_t (N,) f64 and set out_ids (N,) i64 where free rays meet one sheet of a field nearer."""
-    # rays (N, 6) f64 origin, direction (t in its lengths); chosen (M,) i64: rays to look at; pose (4, 4)
-    # box, pyramid, leaves: see search_field
-    columns, rows = int(box[0]), int(box[1])
-    front = len(leaves[1]) > 0
-    for block in prange((len(chosen) + BLOCK - 1) // BLOCK):
-        start, direction = np.empty(4), np.empty(4)
-        for i in chosen[block * BLOCK : block * BLOCK + BLOCK]:
-            for k in range(4):
-                direction[k] = pose[k, 0] * rays[i, 3] + pose[k, 1] * rays[i, 4] + pose[k, 2] * rays[i, 5]
-                start[k] = pose[k, 0] * rays[i, 0] + pose[k, 1] * rays[i, 1] + pose[k, 2] * rays[i, 2] + pose[k, 3]
-            near, far = clip_box(start, direction[0], direction[1], direction[2], direction[3], box, out_t[i])
-            if not near <= far:
-                continue
-            qa, qb = start[3] + near * direction[3], start[3] + far * direction[3]
-            u, v = (start[0] + near * direction[0]) / qa, (start[1] + near * direction[1]) / qa
-            d = (start[2] + near * direction[2]) / qa
-            du, dv = (start[0] + far * direction[0]) / qb - u, (start[1] + far * direction[1]) / qb - v
-            dd = (start[2] + far * direction[2]) / qb - d
-            s, patch, _, _ = walk_ray(pyramid, leaves, columns, rows, (u, v, d), (du, dv, dd), near, front)
-            if s < np.inf:
-                t = depth_at(s, near, far, qa, qb)
-                if t < out_t[i]:
-                    out_t[i], out_ids[i] = t, base + patch

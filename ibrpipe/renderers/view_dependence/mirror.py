@@ -1,6 +1,6 @@
 """What a surface of layered images mirrors: positions and normals of hits, reflected rays, and what these meet.
 
-The surface is the very one that is drawn: reflected rays walk the same pyramids as the rays of pixels.
+The surface is the very one that is drawn: reflected rays meet the same patches as the rays of pixels.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.core.reflection.geometry import place_hits, reflect, search_rays
+from ibrpipe.core.reflection.geometry import place_hits, reflect
 from ibrpipe.core.reflection.model import TRAITS
+from ibrpipe.core.reflection.voxels import cast_rays
 from ibrpipe.renderers.fields import Pose
 from ibrpipe.renderers.scene import Scene
-from ibrpipe.renderers.search.quadtree import Sheet
-from ibrpipe.renderers.view_dependence.occupancy import Occupancy, bit, build_occupancy
+from ibrpipe.renderers.view_dependence.voxel_grid import VoxelGrid, build_grid, outline_patches
 from ibrpipe.types import Array
 
 #: reflected rays start this far above the surface, and meet nothing nearer than this, in texels
@@ -32,20 +32,26 @@ class Surface:
         Samples of every patch whose colour is known; -1 = none.
     poses : (F, 4, 4) float64, homogeneous field coordinates from world, one per layered image
     normals : (S, 3) float32, unit, world
-    sheets : list of Sheet
+    depths, masks : (P, 4) float32 field depths of every patch's corners, (P,) uint8 which of them are samples
     texel : float
         Scene units.
-    occupancy : Occupancy
-        Tells which sheets a ray may meet.
+    grid : VoxelGrid
+        Finds the patches that a ray may meet.
     """
 
     records: Array
     corners: Array
     poses: Array
     normals: Array
-    sheets: list[Sheet]
+    depths: Array
+    masks: Array
     texel: float
-    occupancy: Occupancy
+    grid: VoxelGrid
+
+    @property
+    def shapes(self) -> tuple[Array, Array, Array]:
+        """The patches as :mod:`ibrpipe.core.reflection.voxels` takes them."""
+        return self.poses, self.depths, self.masks
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +86,18 @@ def make_surface(scene: Scene, normals: Array) -> Surface:
     known = np.append(colors[:, 3] > 0, False)
     corners = np.where(known[records[:, 4:]], records[:, 4:], -1).astype(np.int32)
     poses = np.stack([matrix(field.pose) for _, field in scene.patches])
-    sheets = [sheet for sheet in scene.sheets if len(sheet.leaves[1]) and sheet.box[2] <= sheet.box[3]]
-    occupancy = build_occupancy([(matrix(each.pose), int(each.box[0]), each.leaves) for each in sheets], scene.texel)
-    return Surface(records, corners, poses, np.ascontiguousarray(normals, np.float32), sheets, scene.texel, occupancy)
+    fields = [field for _, field in scene.patches]
+    parts = [outline_patches(pose, field.cells, field.corners) for pose, field in zip(poses, fields, strict=True)]
+    return Surface(
+        records,
+        corners,
+        poses,
+        np.ascontiguousarray(normals, np.float32),
+        np.concatenate([field.corners for field in fields]),
+        np.concatenate([field.masks for field in fields]),
+        scene.texel,
+        build_grid(parts, scene.texel),
+    )
 
 
 def matrix(pose: Pose) -> Array:
@@ -126,12 +141,6 @@ def meet_surface(surface: Surface, seen: Looks, size: int) -> tuple[Array, Looks
 def cast(surface: Surface, origins: Array, directions: Array) -> tuple[Array, Array]:
     """Nearest fronts that rays (N, 3) meet: (N,) float64 in lengths of the direction, +inf = none; (N,) int64 patch."""
     rays = np.ascontiguousarray(np.concatenate([origins, directions], axis=1))
-    t, patches = np.full(len(rays), np.inf), np.full(len(rays), -1, np.int64)
-    found = surface.occupancy.find_sheets(rays)
-    for number, sheet in enumerate(surface.sheets):
-        pyramid = (sheet.nodes, sheet.meta, sheet.grid)
-        chosen = np.flatnonzero(found & bit(number))
-        if len(chosen) == 0:
-            continue
-        search_rays(rays, chosen, matrix(sheet.pose), sheet.box, pyramid, sheet.leaves, sheet.base, t, patches)
+    t, patches = np.empty(len(rays)), np.empty(len(rays), np.int64)
+    cast_rays(rays, surface.grid.packed, surface.shapes, t, patches)
     return t, patches

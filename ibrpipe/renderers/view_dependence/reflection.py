@@ -7,15 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from ibrpipe.core.reflection.directions import pad
 from ibrpipe.core.reflection.model import CHANNELS, predict
-from ibrpipe.core.reflection.picture import LEFT, SHADED, shade_free
+from ibrpipe.core.reflection.picture import ROWS, draw_gloss
 from ibrpipe.errors import RendererError
-from ibrpipe.renderers.frames import limited_threads
 from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.view_dependence.component import Picture
@@ -25,8 +23,6 @@ from ibrpipe.types.reflection import ReflectedLight, Reflection
 
 #: mirrored light of the object itself is cut here
 BRIGHTEST = 1.5
-#: pixels whose rays are followed on one thread: waiting for others costs more
-FEW = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,33 +122,49 @@ class Tables:
 
 @dataclass(frozen=True, eq=False)
 class Mirrors:
-    """A scene's surface and model, and the (F,) bool layered images that mirror."""
+    """A scene's surface, and what is drawn over it.
+
+    Attributes
+    ----------
+    surface : Surface
+    colors : (S, 4) float32, linear; fourth 0 where the colour is not known
+    weights : (S, L) float32, or (0, L): all of each table
+    active : (F,) bool, layered images that mirror
+    tables : (L, (n + 2)^2, 4) float32, linear light, padded; the fourth is not used
+    law : (2 + L,) float64, see `Model`
+    """
 
     surface: Surface
-    model: Model
+    colors: Array
+    weights: Array
     active: Array
+    tables: Array
+    law: Array
 
     @property
     def bytes(self) -> int:
         """Bytes held."""
-        parts = (self.surface.records, self.surface.corners, self.surface.normals, self.model.texels, self.model.tables)
-        return sum(part.nbytes for part in parts) + self.surface.occupancy.bytes
+        surface = self.surface
+        parts = (*surface.shapes, surface.records, surface.corners, surface.normals, self.weights, self.tables)
+        return sum(part.nbytes for part in parts) + surface.grid.bytes
 
-    def shade_free(self, picture: Picture) -> tuple[Array, int]:
-        """Shade pixels whose reflected rays meet nothing: (H, W) bool of those that are left, and how many are done."""
-        surface, model, camera = self.surface, self.model, picture.camera
+    def draw(self, picture: Picture) -> Mapping[str, int]:
+        """Put gloss over a picture; tell how many pixels mirror, and how many of the rays meet it again."""
+        surface, camera = self.surface, picture.camera
         view = (np.ascontiguousarray(camera.world_from_pixel), camera.center, *picture.places.arrays)
-        patches = (surface.records, surface.corners, surface.poses, surface.normals, self.active)
-        lift, state = np.array([LIFT, CLEAR]) * surface.texel, np.empty(picture.depth.shape, np.uint8)
-        grid, lights = surface.occupancy.grid, (model.texels, self.padded, model.law)
-        seen = (picture.depth, picture.ids, picture.known)
-        shade_free(*seen, picture.color, view, patches, lights, grid, surface.occupancy.always, lift, state)
-        return state == LEFT, int(np.count_nonzero(state == SHADED))
+        lift = np.array([LIFT * surface.texel, CLEAR * surface.texel, BRIGHTEST])
+        counts = np.zeros((len(picture.depth), 2), np.int64)
+        draw_gloss(
+            (picture.depth, picture.ids, picture.known), picture.color, view,
+            (surface.records, surface.normals, self.colors, self.weights, self.active), (self.tables, self.law),
+            surface.grid.packed, surface.shapes, lift, spread_rows(len(picture.depth)), counts,
+        )  # fmt: skip
+        return dict(zip(("reflecting", "met"), (int(each) for each in counts.sum(axis=0)), strict=True))
 
-    @cached_property
-    def padded(self) -> Array:
-        """The tables as kernels take them."""
-        return self.model.padded
+
+def spread_rows(height: int) -> Array:
+    """Order (R,) int64 of groups of rows in which those near to each other fall to different threads."""
+    return np.argsort(np.arange(-(-height // ROWS)) * 0.6180339887498949 % 1.0).astype(np.int64)
 
 
 class ReflectionDrawer:
@@ -180,33 +192,25 @@ class ReflectionDrawer:
 
     def add(self, tables: Tables, picture: Picture) -> Mapping[str, int]:
         """Put gloss over the diffuse colour; tell how many pixels were looked at."""
-        mirrors = tables.of(picture.scene)
-        left, shaded = mirrors.shade_free(picture)
-        with limited_threads(0 if np.count_nonzero(left) > FEW else 1):
-            size, seen_at = mirrors.model.size, picture.places
-            seen = look_through(mirrors.surface, picture.camera, picture.depth, picture.ids, left, size, seen_at)
-            light = shade_looks(mirrors.surface, mirrors.model, seen)
-        shown = np.isfinite(light[:, 0])
-        left[left] = shown
-        picture.color[left] = light[shown]
-        return {"reflecting": shaded + int(shown.sum())}
+        return tables.of(picture.scene).draw(picture)
 
 
 def _mirrors(tables: Tables, scene: Scene) -> Mirrors:
-    """Join normals, diffuse colours and weights of all layered images of the scene."""
-    layers, colors = len(tables.light.tables), scene.records[1]
+    """Join normals and weights of all layered images of the scene."""
+    light, colors = tables.light, scene.records[1]
+    count, size = light.tables.shape[:2]
     parts = [tables.components[number] for number, _ in scene.patches]
-    unweighted = all(part is not None and part.weights is None for part in parts)
-    texels = np.zeros((len(colors), CHANNELS if unweighted else CHANNELS + layers), np.float32)
-    texels[:, :CHANNELS] = np.sqrt(colors[:, :CHANNELS])
+    unweighted = all(part is None or part.weights is None for part in parts)
+    weights = np.zeros((0 if unweighted else len(colors), count), np.float32)
     normals, begin = np.full((len(colors), 3), np.nan, np.float32), 0
     for part, (number, image) in zip(parts, scene.patches, strict=True):
         own, normal = slice(begin, begin + len(image.color)), tables.normals[number]
         if part is not None and normal is not None:
             normals[own] = normal
-            texels[own, CHANNELS:] = 1.0 if part.weights is None else part.weights
+            weights[own] = 1.0 if part.weights is None else part.weights
         begin = own.stop
-    law = np.array([tables.light.damping, 1.0, *tables.light.reflectance])
-    model = Model(texels, np.sqrt(tables.light.tables), law)
+    padded = np.zeros((count, (size + 2) ** 2, 4), np.float32)
+    padded[..., :CHANNELS] = pad(light.tables).reshape(count, (size + 2) ** 2, CHANNELS)
+    law = np.array([light.damping, 1.0, *light.reflectance])
     active = np.array([part is not None for part in parts])
-    return Mirrors(make_surface(scene, normals), model, active)
+    return Mirrors(make_surface(scene, normals), np.ascontiguousarray(colors), weights, active, padded, law)

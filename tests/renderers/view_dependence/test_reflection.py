@@ -15,7 +15,7 @@ from ibrpipe.renderers.ldi.renderer import find_hits, shade_hits
 from ibrpipe.renderers.scene import prepare
 from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.renderers.view_dependence.mirror import LIFT, cast, look, make_surface, meet_surface
-from ibrpipe.renderers.view_dependence.occupancy import BITS
+from ibrpipe.renderers.view_dependence.reflection import Model, look_through, shade_looks
 from ibrpipe.types import ReflectedLight, Reflection
 
 SIDE, SKY = 40, 0.25
@@ -135,25 +135,43 @@ DOWN = ibrpipe.Camera.look_at((0.9, 0.4, 2.2), (0.0, 0.0, 0.3), width=64, height
 
 
 @pytest.mark.parametrize(("asset", "camera"), [(room(), CAMERA), (bowl(), DOWN)], ids=["room", "bowl"])
-def test_the_pass_over_free_pixels_draws_what_the_full_search_draws(asset, camera):
+def test_a_picture_shows_what_looks_at_its_pixels_show(asset, camera):
     scene = prepare(asset.textures)
     (component,), hits = scene.components, find_hits(scene, camera)
-    mirrors = component.tables.of(scene)
 
     def draw():
         color, known = shade_hits(scene, hits, camera)
         stats = component.add(Picture(scene, camera, color, hits.depth, hits.ids, known))
-        return color, np.array([stats["reflecting"]])
+        return color, np.array([stats["reflecting"], stats["met"]])
 
-    found = on_all_thread_counts(draw)
-    color, known = shade_hits(scene, hits, camera)
-    left, shaded = mirrors.shade_free(Picture(scene, camera, color, hits.depth, hits.ids, known))
-    assert min(left.sum(), shaded) > 100
-    cautious = replace(mirrors.surface.occupancy, always=2**BITS - 1)
-    component.tables.made[scene] = replace(mirrors, surface=replace(mirrors.surface, occupancy=cautious))
-    wanted = draw()
-    np.testing.assert_allclose(found[0], wanted[0], atol=1e-6)
-    assert found[1] == wanted[1] > 500
+    color, counts = on_all_thread_counts(draw)
+    mirrors = component.tables.of(scene)
+    active = mirrors.active[np.append(mirrors.surface.records[:, 2], 0)[np.minimum(hits.ids, len(scene.records[0]))]]
+    shown = np.isfinite(hits.depth) & active
+    layers = np.concatenate([field.color for _, field in scene.patches])
+    texels = np.concatenate([np.sqrt(layers[:, :3]), mirrors.weights], axis=1)
+    light = asset.textures[0].component("reflection").light
+    model = Model(texels.astype(np.float32), np.sqrt(light.tables), mirrors.law)
+    seen = look_through(mirrors.surface, camera, hits.depth, hits.ids, shown, model.size)
+    wanted = shade_looks(mirrors.surface, model, seen)
+    np.testing.assert_allclose(color[shown], wanted, atol=1e-5)  # directions are float32
+    met = np.isfinite(seen.traits[:, 9]).sum()
+    assert counts[0] == shown.sum() > 500
+    assert abs(counts[1] - met) <= 2
+    assert met > 100
+    plain, _ = shade_hits(scene, hits, camera)
+    np.testing.assert_array_equal(color[~shown], plain[~shown])
+
+
+def test_pixels_without_normal_stay_diffuse():
+    asset = room()
+    floor = asset.textures[0]
+    bare = replace(floor, layers=replace(floor.layers, normal=np.full_like(floor.layers.normal, np.nan)))
+    frame = ibrpipe.render([bare, asset.textures[1]], CAMERA)
+    plain = ibrpipe.render([bare, asset.textures[1]], CAMERA, residuals=False)
+    on_floor = np.abs((CAMERA.center + frame.depth[..., None] * CAMERA.pixel_rays())[..., 2]) < 1e-4
+    assert on_floor.sum() > 500
+    np.testing.assert_array_equal(frame.color[on_floor], plain.color[on_floor])
 
 
 def test_textures_of_different_assets_are_refused():
