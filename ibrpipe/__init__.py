@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ibrpipe.io.surfaces.materials import read_relief_mesh, read_relief_meshes
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
     from ibrpipe.renderers.composite import composite
+    from ibrpipe.renderers.hierarchical.prerendering import prerender
     from ibrpipe.types import (
         Asset,
         Camera,
@@ -58,6 +59,7 @@ _HOME = {
     "Prepared": "renderers.api",
     "composite": "renderers.composite",
     "prepare": "renderers.api",
+    "prerender": "renderers.hierarchical.prerendering",
     "read_asset": "io.assets",
     "read_capture": "io.captures",
     "read_relief_mesh": "io.surfaces.materials",
@@ -91,6 +93,7 @@ __all__ = [
     "__version__",
     "composite",
     "prepare",
+    "prerender",
     "read_asset",
     "read_capture",
     "read_relief_mesh",

@@ -24,6 +24,7 @@ def models() -> dict[str, type[BaseModel]]:
     from ibrpipe.bench.speed_error.results import SpeedErrorModel
     from ibrpipe.engine.pipeline_file import pipeline_model
     from ibrpipe.engine.run_document import RunDocument
+    from ibrpipe.io.documents.prerendered import PrerenderedFile
     from ibrpipe.io.manifest import Manifest
     from ibrpipe.renderers.registry import BUILT_IN, find_renderer
     from ibrpipe.stages.registry import load_stages
@@ -33,7 +34,13 @@ def models() -> dict[str, type[BaseModel]]:
     found: dict[str, type[BaseModel]] = {Path(each.path).stem: each.document for each in made if each.document}
     found |= {"hard_cases": HardCasesFile, "manifest": Manifest, "run": RunDocument}
     found |= {"pipeline": pipeline_model(stages), "speed_error": SpeedErrorModel}
-    found |= {"forest": ForestModel, "rate_error": RateErrorModel, "growth": GrowthModel, "table2": Table2Model}
+    found |= {
+        "forest": ForestModel,
+        "prerendered": PrerenderedFile,
+        "rate_error": RateErrorModel,
+        "growth": GrowthModel,
+        "table2": Table2Model,
+    }
     found |= {f"renderer_{name}": find_renderer(name).Options for name in BUILT_IN}
     return dict(sorted(found.items()))
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from ibrpipe.types.arrays import Array
 from ibrpipe.types.scene import Scene
 
@@ -75,3 +77,18 @@ class PrerenderedScene:
 
     scene: Scene
     library: Prerendered
+
+
+def view_axes(count: int) -> Array:
+    """Return axes (D, 3, 3) float64 of views, rows a, b, d: 6 = those of max1999, else a spiral over the sphere."""
+    if count == 6:
+        directions = np.concatenate([np.eye(3), -np.eye(3)])
+    else:
+        z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+        around = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
+        ring = np.sqrt(1.0 - z * z)
+        directions = np.stack([ring * np.cos(around), ring * np.sin(around), z], axis=1)
+    aside = np.where(np.abs(directions[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    a = np.cross(aside, directions)
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    return np.stack([a, np.cross(directions, a), directions], axis=1)

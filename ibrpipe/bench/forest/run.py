@@ -19,7 +19,8 @@ from ibrpipe.errors import ResourceError
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import Prepared, prepare, render
 from ibrpipe.renderers.hierarchical.nodes import scene_nodes
-from ibrpipe.renderers.hierarchical.prefiltering import Slicing, prerender_nodes
+from ibrpipe.renderers.hierarchical.prefiltering import Slicing
+from ibrpipe.renderers.hierarchical.prerendering import prerender_all
 from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
 from ibrpipe.types import Array, Camera, Scene
 from ibrpipe.types.prerendered import PrerenderedScene
@@ -50,7 +51,7 @@ def run_forest(
     """Measure forests of several sizes from several cameras; see `ForestModel`."""
     began = perf_counter()
     first = forest(max(trees[0], 50), seed)
-    library = prerender_nodes(scene_nodes(first), slicing or Slicing())
+    library = prerender_all(scene_nodes(first), slicing or Slicing())
     rows = []
     for count in track(trees, "forests"):
         scene, cameras = forest(count, seed), forest_cameras(count, *size)

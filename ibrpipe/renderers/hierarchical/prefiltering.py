@@ -8,10 +8,9 @@ from time import perf_counter
 import numpy as np
 
 from ibrpipe.core.hierarchy import prefilter as kernels
-from ibrpipe.renderers.hierarchical.directions import view_axes
 from ibrpipe.renderers.hierarchical.nodes import Nodes
 from ibrpipe.types import Array
-from ibrpipe.types.prerendered import Prerendered
+from ibrpipe.types.prerendered import Prerendered, view_axes
 
 #: texels across a part, in steps of about 1.4
 RESOLUTIONS = (2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64)

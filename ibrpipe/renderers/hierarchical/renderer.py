@@ -14,7 +14,8 @@ from ibrpipe.renderers.hierarchical import drawing
 from ibrpipe.renderers.hierarchical.guide import Guide, build_guide
 from ibrpipe.renderers.hierarchical.nodes import Nodes, scene_nodes
 from ibrpipe.renderers.hierarchical.options import HierarchicalOptions
-from ibrpipe.renderers.hierarchical.prefiltering import Slicing, prerender_nodes
+from ibrpipe.renderers.hierarchical.prefiltering import Slicing
+from ibrpipe.renderers.hierarchical.prerendering import prerender_all
 from ibrpipe.renderers.hierarchical.selection import select
 from ibrpipe.renderers.hierarchical.shaded import ShadedSlices
 from ibrpipe.renderers.hierarchical.view import view_of
@@ -85,7 +86,7 @@ def prepare(sources: tuple[Scene | PrerenderedScene, ...]) -> HierarchicalData:
         if foreign:
             raise RendererError(f"the slices are of another scene: it has no part {foreign[0]!r}; prerender this one")
     else:
-        library = prerender_nodes(nodes, Slicing())
+        library = prerender_all(nodes, Slicing())
     return HierarchicalData(nodes, library, build_guide(nodes, library), scene.lighting)
 
 

@@ -49,7 +49,7 @@ def test_embree_sees_what_the_polygons_show():
 
 
 def scene_data(scene):
-    library = run.prerender_nodes(run.scene_nodes(scene), Slicing(6, 6.0, 2, 4))
+    library = run.prerender_all(run.scene_nodes(scene), Slicing(6, 6.0, 2, 4))
     return run.prepare(run.PrerenderedScene(scene, library), "hierarchical")
 
 

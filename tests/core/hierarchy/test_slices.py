@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ibrpipe.core.hierarchy import shade, slices
-from ibrpipe.renderers.hierarchical.directions import view_axes
+from ibrpipe.types.prerendered import view_axes
 
 K = np.array([[300.0, 2.0, 160.0], [0.0, 310.0, 120.0], [0.0, 0.0, 1.0]])
 SLAB = (3, 5, 7, 4)

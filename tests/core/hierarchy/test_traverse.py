@@ -30,7 +30,8 @@ def test_the_stretch_of_a_similarity_is_its_scale():
 
 
 def test_octahedral_cells_are_the_nearest_in_the_table():
-    from ibrpipe.renderers.hierarchical.directions import CELLS, nearest_table, view_axes
+    from ibrpipe.renderers.hierarchical.directions import CELLS, nearest_table
+    from ibrpipe.types.prerendered import view_axes
 
     axes = view_axes(48)
     np.testing.assert_allclose(axes @ axes.transpose(0, 2, 1), np.broadcast_to(np.eye(3), axes.shape), atol=1e-12)

@@ -1,0 +1,36 @@
+"""What ``prerendered.json`` holds: slices of a scene's parts."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from ibrpipe.config import Document, Share
+
+
+class PartSlices(Document):
+    """One part."""
+
+    name: str = Field(description="Of the part; NAME/own = the own meshes of a part that also has copies of others")
+    center: list[float] = Field(min_length=3, max_length=3, description="Centre of its sphere, the part's units")
+    radius: float = Field(gt=0, description="Radius of its sphere")
+    conditional: bool = Field(description="Whether coverage is a share of what the slab in front let pass")
+    leak: Share | None = Field(
+        default=None, description="Mean of what is seen through what polygons cover wholly, in test directions"
+    )
+    other_leak: Share | None = Field(default=None, description="The same of the form that was not chosen")
+
+
+class PrerenderedFile(Document):
+    """Prefiltered slices; their texels are in ``texels.exr``, row by row, in the order of ``slabs.npz``."""
+
+    schema_version: Literal[1] = 1
+    parts: list[PartSlices] = Field(description="In the order of their stacks")
+    resolutions: list[int] = Field(description="Texels across a part's sphere, ascending")
+    directions: int = Field(ge=1, description="Views over the sphere; 6 = those of max1999, else a spiral")
+    scale: float = Field(gt=0, description="Albedo of code 255")
+    texels: int = Field(ge=0, description="Texels in the picture; what is left of its last row is 0")
+    slabs: int = Field(ge=0, description="Slabs in slabs.npz")
+    seconds: float = Field(ge=0, description="Time to make the slices, s")
+    file_bytes: int = Field(ge=0, description="Bytes of the picture and the slabs' file")

@@ -1,0 +1,83 @@
+"""Which form of coverage suits a part: both are drawn in test directions and compared with its polygons."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from ibrpipe.renderers.hierarchical import drawing
+from ibrpipe.renderers.hierarchical.guide import Guide, build_guide
+from ibrpipe.renderers.hierarchical.nodes import Nodes
+from ibrpipe.renderers.hierarchical.prefiltering import Slicing, prerender_nodes
+from ibrpipe.renderers.hierarchical.selection import select
+from ibrpipe.renderers.hierarchical.shaded import ShadedSlices
+from ibrpipe.renderers.hierarchical.view import View
+from ibrpipe.types import Array, Camera
+from ibrpipe.types.prerendered import Prerendered, view_axes
+
+#: pixels along a side of a test picture, its focal length, texels across the part, test directions
+_SIZE, _FOCAL, _TEXELS, _TESTS = 48, 480.0, 23, 7
+#: what plain coverage may leak, and what share of it conditional coverage must keep at the most to be chosen
+_LEAK, _SHARE = 0.002, 0.5
+
+
+@dataclass(frozen=True)
+class CoverageChoice:
+    """For each part, whether conditional coverage was chosen, what the chosen form leaks, and what the other one would.
+
+    A leak is the mean of what is seen through pixels that polygons, too, cover wholly, all around as well.
+    """
+
+    conditional: dict[str, bool]
+    leaks: dict[str, tuple[float, float]]
+
+
+def choose_coverage(nodes: Nodes, slicing: Slicing) -> CoverageChoice:
+    """Try both forms on slices of few directions; conditional coverage is taken where plain coverage leaks, and it less."""
+    trial = replace(slicing, directions=min(24, slicing.directions), finest=_TEXELS)
+    found = {}
+    for conditional in (False, True):
+        library = prerender_nodes(nodes, trial, dict.fromkeys(nodes.names, conditional))
+        found[conditional] = _leaks(nodes, library)
+    plain, other = found[False], found[True]
+    rule = {name: plain[name] > _LEAK and other[name] < _SHARE * plain[name] for name in plain}
+    return CoverageChoice(rule, {name: (found[which][name], found[not which][name]) for name, which in rule.items()})
+
+
+def _leaks(nodes: Nodes, library: Prerendered) -> dict[str, float]:
+    guide = build_guide(nodes, library)
+    sliced = replace(guide, costs=np.zeros_like(guide.costs))
+    polygons = replace(guide, kinds=guide.kinds * (0, 1))
+    shaded = ShadedSlices(library, np.zeros((len(library.names), 2)))
+    leaks = {}
+    for part, name in enumerate(library.names):
+        node, total, count = nodes.names.index(name), 0.0, 0
+        for axes in view_axes(_TESTS):
+            view = _view(library.spheres[part], axes[2])
+            one, exact = (_coverage(nodes, each, library, shaded, node, view) for each in (sliced, polygons))
+            inside = ndimage.binary_erosion(exact == 1.0, np.ones((3, 3)))
+            total += float((1.0 - one[inside]).sum())
+            count += int(inside.sum())
+        leaks[name] = total / max(count, 1)
+    return leaks
+
+
+def _view(sphere: Array, direction: Array) -> View:
+    """A camera from which the part is as many pixels wide as it has texels."""
+    distance = 2.0 * sphere[3] * _FOCAL / _TEXELS
+    camera = Camera.look_at(
+        sphere[:3] + distance * direction, sphere[:3], fov_y_deg=math.degrees(2 * math.atan(_SIZE / 2 / _FOCAL)),
+        width=_SIZE, height=_SIZE,
+    )  # fmt: skip
+    pose = np.ascontiguousarray(camera.cam_from_world).ravel().copy()
+    return View(pose, np.array(camera.K), 1e-3 * distance, (_SIZE, _SIZE), np.zeros((0, 3)), np.ones((1, 3)))
+
+
+def _coverage(nodes: Nodes, guide: Guide, library: Prerendered, shaded: ShadedSlices, node: int, view: View) -> Array:
+    chosen = select(nodes, guide, np.array([node], np.int32), view.pose.reshape(1, 12), view.limits(1.0))
+    slices = drawing.place(library, shaded, guide.rows, chosen, view)
+    faces = drawing.set_up(nodes, guide.spheres, chosen, view)
+    return drawing.draw(slices, faces, shaded.texels, view, False)[1]
