@@ -23,8 +23,8 @@ from ibrpipe.types.prerendered import FIRST, HEIGHT, NODE, WIDTH, Prerendered, v
 NAME, PICTURE, SLABS = "prerendered.json", "texels.exr", "slabs.npz"
 COLUMNS, TILE = 1024, 256
 CHANNELS = (
-    "coverage", "albedo.R", "albedo.G", "albedo.B", "normal.X", "normal.Y", "normal.Z",
-    "normal.XX", "normal.YY", "normal.XY", "normal.XZ", "normal.YZ",
+    "coverage", "albedo_R", "albedo_G", "albedo_B", "normal_X", "normal_Y", "normal_Z",
+    "normal_XX", "normal_YY", "normal_XY", "normal_XZ", "normal_YZ",
 )  # fmt: skip
 #: slabs and texels at the most: what a damaged file may claim
 _MOST = 1 << 31
@@ -49,10 +49,10 @@ def write_prerendered(library: Prerendered, folder: Path) -> PrerenderedFile:
     leaks = library.info.get("leaks", {})
     parts = [
         PartSlices(
-            name=name, center=[float(x) for x in sphere[:3]], radius=float(sphere[3]), conditional=bool(rule),
+            name=name, center=[float(x) for x in sphere[:3]], radius=float(sphere[3]), overlap=float(overlap),
             leak=leaks.get(name, (None, None))[0], other_leak=leaks.get(name, (None, None))[1],
         )
-        for name, sphere, rule in zip(library.names, library.spheres, library.conditional, strict=True)
+        for name, sphere, overlap in zip(library.names, library.spheres, library.overlaps, strict=True)
     ]  # fmt: skip
     document = PrerenderedFile(
         schema_version=1, parts=parts, resolutions=[int(each) for each in library.resolutions],
@@ -81,7 +81,7 @@ def read_prerendered(folder: Path) -> Prerendered:
         tuple(part.name for part in document.parts),
         np.array([(*part.center, part.radius) for part in document.parts]).reshape(-1, 4),
         np.array(document.resolutions, np.int64), view_axes(document.directions), stacks, slabs, heights, means, texels,
-        document.scale, np.array([part.conditional for part in document.parts], bool),
+        document.scale, np.array([part.overlap for part in document.parts]),
         {"seconds": document.seconds, "file_bytes": document.file_bytes, "leaks": leaks},
     )  # fmt: skip
 

@@ -45,8 +45,8 @@ class Prerendered:
         As in `ibrpipe.core.hierarchy.prefilter`.
     scale : float
         Albedo of code 255.
-    conditional : (P,) bool
-        Whether coverage is a share of what the slab in front let pass.
+    overlaps : (P,) float64
+        Share of a slab that the slab in front of it holds, too.
     info : mapping
         What is known of its making: seconds, bytes, errors.
     """
@@ -61,7 +61,7 @@ class Prerendered:
     means: Array
     texels: Array
     scale: float
-    conditional: Array
+    overlaps: Array
     info: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -21,10 +21,11 @@ _X_STEP, _Y_STEP = 0.6180339887, 0.7548776662
 
 
 @helper
-def cast_face(corners, axes, per_unit, half, slabs, near, face, number):
+def cast_face(corners, axes, per_unit, half, overlap, near, face, number):
     # one triangle (3, 3) from the part's centre -> nearest height and face number of every ray in every slab
     # near (K, S, S) f32, height along d; face (K, S, S) i32; per_unit: rays per unit of length; half: S / 2
-    size = near.shape[1]
+    # overlap: share of a slab that the slab in front of it holds, too
+    slabs, size = near.shape[0], near.shape[1]
     x = np.empty(3)
     y = np.empty(3)
     z = np.empty(3)
@@ -50,10 +51,13 @@ def cast_face(corners, axes, per_unit, half, slabs, near, face, number):
             w2 = ((x[1] - x[0]) * (py - y[0]) - (px - x[0]) * (y[1] - y[0])) / area
             if w1 >= 0.0 and w2 >= 0.0 and w1 + w2 <= 1.0:
                 height = z[0] + w1 * (z[1] - z[0]) + w2 * (z[2] - z[0])
-                k = min(max(int((half - height) * slab), 0), slabs - 1)
-                if height > near[k, j, i]:
-                    near[k, j, i] = height
-                    face[k, j, i] = number
+                place = (half - height) * slab
+                last = min(max(int(place), 0), slabs - 1)
+                first = last - 1 if last > 0 and place - last < overlap else last
+                for k in range(first, last + 1):
+                    if height > near[k, j, i]:
+                        near[k, j, i] = height
+                        face[k, j, i] = number
 
 
 @helper
@@ -97,10 +101,9 @@ def add_sample(corners, colors, normal, axes, per_unit, half, i, j, samples):
 
 
 @kernel
-def prefilter(corners, colors, normals, axes, radius, rays, scale, conditional, out, heights):
+def prefilter(corners, colors, normals, axes, radius, rays, scale, overlap, out, heights):
     # corners, colors (F, 3, 3) f32, corners from the centre of the sphere; normals (F, 3) f32 unit; axes (D, 3, 3) f64
-    # rows a, b, d; rays = q; scale: 1 / greatest albedo; conditional: rays count only in the first of two neighbouring
-    # slabs, as a share of those that the slab in front let pass
+    # rows a, b, d; rays = q; scale: 1 / greatest albedo; overlap: share of a slab that the slab in front holds, too
     # out (D, K, R, R, 12) u8, rows along b; heights (D, K) f32: mean along d of what the slab holds, NaN = nothing
     slabs, resolution = out.shape[1], out.shape[2]
     size = resolution * rays
@@ -110,19 +113,16 @@ def prefilter(corners, colors, normals, axes, radius, rays, scale, conditional, 
         near = np.full((slabs, size, size), -np.inf, np.float32)
         face = np.full((slabs, size, size), -1, np.int32)
         for number in range(len(corners)):
-            cast_face(corners[number], axes[direction], per_unit, half, slabs, near, face, number)
+            cast_face(corners[number], axes[direction], per_unit, half, overlap, near, face, number)
         sums = np.empty(11)
         for k in range(slabs):
             total, weight = 0.0, 0
             for v in range(resolution):
                 for u in range(resolution):
                     sums[:] = 0.0
-                    count, open_rays = 0, 0
+                    count = 0
                     for j in range(v * rays, (v + 1) * rays):
                         for i in range(u * rays, (u + 1) * rays):
-                            if conditional and k > 0 and face[k - 1, j, i] >= 0:
-                                continue
-                            open_rays += 1
                             f = face[k, j, i]
                             if f >= 0:
                                 count += 1
@@ -132,7 +132,7 @@ def prefilter(corners, colors, normals, axes, radius, rays, scale, conditional, 
                                 )
                     weight += count
                     if count > 0:
-                        mean_texel(sums, count, open_rays, scale, out[direction, k, v, u])
+                        mean_texel(sums, count, rays * rays, scale, out[direction, k, v, u])
             heights[direction, k] = total / weight / per_unit if weight > 0 else np.nan
 
 

@@ -15,11 +15,11 @@ class PartSlices(Document):
     name: str = Field(description="Of the part; NAME/own = the own meshes of a part that also has copies of others")
     center: list[float] = Field(min_length=3, max_length=3, description="Centre of its sphere, the part's units")
     radius: float = Field(gt=0, description="Radius of its sphere")
-    conditional: bool = Field(description="Whether coverage is a share of what the slab in front let pass")
+    overlap: Share = Field(description="Share of a slab that the slab in front of it holds, too")
     leak: Share | None = Field(
         default=None, description="Mean of what is seen through what polygons cover wholly, in test directions"
     )
-    other_leak: Share | None = Field(default=None, description="The same of the form that was not chosen")
+    other_leak: Share | None = Field(default=None, description="The same with the overlap that was not chosen")
 
 
 class PrerenderedFile(Document):

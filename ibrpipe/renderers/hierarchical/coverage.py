@@ -1,4 +1,4 @@
-"""Which form of coverage suits a part: both are drawn in test directions and compared with its polygons."""
+"""Whether the slabs of a part should overlap: both are drawn in test directions and compared with its polygons."""
 
 from __future__ import annotations
 
@@ -20,31 +20,34 @@ from ibrpipe.types.prerendered import Prerendered, view_axes
 
 #: pixels along a side of a test picture, its focal length, texels across the part, test directions
 _SIZE, _FOCAL, _TEXELS, _TESTS = 48, 480.0, 23, 7
-#: what plain coverage may leak, and what share of it conditional coverage must keep at the most to be chosen
-_LEAK, _SHARE = 0.002, 0.5
+#: share of a slab that the one in front of it holds, too, where slabs overlap (max1999, sec. 2)
+OVERLAP = 1.0 / 3.0
+#: what slabs may leak that do not overlap, and what share of it they may leak that do, to be chosen
+_LEAK, _SHARE = 0.001, 0.7
 
 
 @dataclass(frozen=True)
 class CoverageChoice:
-    """For each part, whether conditional coverage was chosen, what the chosen form leaks, and what the other one would.
+    """For each part, how far its slabs overlap, what they leak, and what they would with the other choice.
 
     A leak is the mean of what is seen through pixels that polygons, too, cover wholly, all around as well.
     """
 
-    conditional: dict[str, bool]
+    overlaps: dict[str, float]
     leaks: dict[str, tuple[float, float]]
 
 
 def choose_coverage(nodes: Nodes, slicing: Slicing) -> CoverageChoice:
-    """Try both forms on slices of few directions; conditional coverage is taken where plain coverage leaks, and it less."""
+    """Try both on slices of few directions; slabs overlap where they would leak, and leak less."""
     trial = replace(slicing, directions=min(24, slicing.directions), finest=_TEXELS)
     found = {}
-    for conditional in (False, True):
-        library = prerender_nodes(nodes, trial, dict.fromkeys(nodes.names, conditional))
-        found[conditional] = _leaks(nodes, library)
-    plain, other = found[False], found[True]
+    for overlap in (0.0, OVERLAP):
+        library = prerender_nodes(nodes, trial, dict.fromkeys(nodes.names, overlap))
+        found[overlap] = _leaks(nodes, library)
+    plain, other = found[0.0], found[OVERLAP]
     rule = {name: plain[name] > _LEAK and other[name] < _SHARE * plain[name] for name in plain}
-    return CoverageChoice(rule, {name: (found[which][name], found[not which][name]) for name, which in rule.items()})
+    leaks = {name: (other[name], plain[name]) if rule[name] else (plain[name], other[name]) for name in plain}
+    return CoverageChoice({name: OVERLAP if which else 0.0 for name, which in rule.items()}, leaks)
 
 
 def _leaks(nodes: Nodes, library: Prerendered) -> dict[str, float]:

@@ -28,14 +28,14 @@ class Slicing:
     finest: int = 32
 
 
-def prerender_nodes(nodes: Nodes, slicing: Slicing, conditional: dict[str, bool] | None = None) -> Prerendered:
+def prerender_nodes(nodes: Nodes, slicing: Slicing, overlaps: dict[str, float] | None = None) -> Prerendered:
     """Slice every node that occurs more than once.
 
     Parameters
     ----------
     nodes : Nodes
     slicing : Slicing
-    conditional : by name, whether coverage counts what the slab in front let pass; plain where not named
+    overlaps : by name, what share of a slab the slab in front of it holds, too; 0 where not named
     """
     began = perf_counter()
     chosen = [
@@ -45,9 +45,9 @@ def prerender_nodes(nodes: Nodes, slicing: Slicing, conditional: dict[str, bool]
     resolutions = [each for each in RESOLUTIONS if each <= slicing.finest]
     flat = {node: nodes.flattened(node) for node in chosen}
     scale = max([1e-6, *(float(paints.max()) for _, paints in flat.values())])
-    rule = conditional or {}
+    rule = overlaps or {}
     parts = [
-        _slice_node(*flat[node], axes, resolutions, slicing, scale, rule.get(nodes.names[node], False), number)
+        _slice_node(*flat[node], axes, resolutions, slicing, scale, rule.get(nodes.names[node], 0.0), number)
         for number, node in enumerate(chosen)
     ]
     joined = _join([stack for part in parts for stack in part[1]], len(axes))
@@ -58,7 +58,7 @@ def prerender_nodes(nodes: Nodes, slicing: Slicing, conditional: dict[str, bool]
         axes,
         *joined,
         scale,
-        np.array([rule.get(nodes.names[node], False) for node in chosen], bool),
+        np.array([rule.get(nodes.names[node], 0.0) for node in chosen]),
         {"seconds": perf_counter() - began},
     )
 
@@ -88,7 +88,7 @@ def _slice_node(
     resolutions: list[int],
     slicing: Slicing,
     scale: float,
-    conditional: bool,
+    overlap: float,
     part: int,
 ) -> tuple[Array, list[_Stacks]]:
     sphere = bounding_sphere(corners)
@@ -102,7 +102,7 @@ def _slice_node(
         rays = slicing.rays if resolution > 8 else 2 * slicing.rays
         dense = np.zeros((len(axes), slabs, resolution, resolution, kernels.TEXEL), np.uint8)
         heights = np.empty((len(axes), slabs), np.float32)
-        kernels.prefilter(local, paints, normals, axes, sphere[3], rays, 1.0 / scale, conditional, dense, heights)
+        kernels.prefilter(local, paints, normals, axes, sphere[3], rays, 1.0 / scale, overlap, dense, heights)
         boxes = np.empty((len(axes), slabs, 4), np.int32)
         kernels.trim(dense, boxes)
         sizes = boxes[..., 2].astype(np.int64) * boxes[..., 3]

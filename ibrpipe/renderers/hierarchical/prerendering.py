@@ -1,4 +1,4 @@
-"""Makes the slices of a scene, with the form of coverage that suits each of its parts."""
+"""Makes the slices of a scene, with slabs that overlap where they would leak."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def prerender(scene: Scene, slicing: Slicing | None = None) -> PrerenderedScene:
 
 
 def prerender_all(nodes: Nodes, slicing: Slicing) -> Prerendered:
-    """The slices of nodes whose form of coverage is chosen by what it leaks."""
+    """The slices of nodes whose slabs overlap where they would leak."""
     began = perf_counter()
     choice = choose_coverage(nodes, slicing)
-    library = prerender_nodes(nodes, slicing, choice.conditional)
+    library = prerender_nodes(nodes, slicing, choice.overlaps)
     return replace(library, info={"seconds": perf_counter() - began, "leaks": choice.leaks})

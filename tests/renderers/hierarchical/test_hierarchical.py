@@ -8,6 +8,7 @@ import pytest
 import ibrpipe
 from ibrpipe.bench.forest.run import psnr
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers.hierarchical.coverage import OVERLAP, choose_coverage
 from ibrpipe.renderers.hierarchical.nodes import scene_nodes
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing, prerender_nodes
 from ibrpipe.synthetic.instanced.city import city
@@ -211,22 +212,24 @@ def test_lights_and_highlights_are_those_of_the_polygons():
     assert exact.color[inner].max() > 2 * np.median(exact.color[inner])
 
 
-def test_solids_leak_little_where_coverage_is_conditional():
+def test_solids_leak_little_where_slabs_overlap():
     copies = Instances("solids", np.stack([placed((0, 0, 0)), placed((0, 5e5, 0))]))
     scene = Scene([*solids().parts.values(), Part("root", children=(copies,))], "root")
     nodes = scene_nodes(scene)
     camera = Camera.look_at((40, -70, 30), (0, 0, 0), width=120, height=90, fov_y_deg=12)
     leak = {}
-    for conditional in (False, True):
-        library = prerender_nodes(nodes, Slicing(96, 6.0, 4, 32), dict.fromkeys(nodes.names, conditional))
+    for overlap in (0.0, OVERLAP):
+        library = prerender_nodes(nodes, Slicing(96, 6.0, 4, 32), dict.fromkeys(nodes.names, overlap))
         data = ibrpipe.prepare(PrerenderedScene(scene, library), "hierarchical")
         frame = ibrpipe.render(data, camera, "hierarchical")
         exact = ibrpipe.render(data, camera, "hierarchical", mode="polygons")
         whole = exact.alpha == 1
         inside = whole[1:-1, 1:-1] & whole[:-2, 1:-1] & whole[2:, 1:-1] & whole[1:-1, :-2] & whole[1:-1, 2:]
-        leak[conditional] = float((1 - frame.alpha[1:-1, 1:-1])[inside].mean())
-    assert leak[True] < leak[False]
-    assert leak[True] < 0.01
+        leak[overlap] = float((1 - frame.alpha[1:-1, 1:-1])[inside].mean())
+    assert leak[OVERLAP] < 0.5 * leak[0.0]
+    assert leak[OVERLAP] < 0.01
+    rule = choose_coverage(nodes, Slicing()).overlaps
+    assert rule["wall"] == OVERLAP
 
 
 def test_what_cannot_be_drawn_is_refused(trees):
