@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Self
 
 import numpy as np
@@ -17,15 +18,20 @@ from ibrpipe.evaluation.texture_errors import texture_errors
 from ibrpipe.io.assets import INDEX, AssetIndex, read_asset, read_index
 from ibrpipe.io.recoding import finish, losses, texture_bytes
 from ibrpipe.io.views import View, ViewSet, read_views
+from ibrpipe.modelling.compression.coarser import write_coarser
 from ibrpipe.modelling.compression.coder import Coder, size_of
 from ibrpipe.modelling.compression.document import Compression, PartLevel, Trial
-from ibrpipe.modelling.compression.parts import Parts, curves_of, square
+from ibrpipe.modelling.compression.parts import Parts, Source, curves_of, square
 from ibrpipe.modelling.compression.search import coarsest_within, finest_within
 from ibrpipe.modelling.compression.steps import ANCHORS, LADDERS, CodingStep, Level
 from ibrpipe.modelling.compression.tradeoff import Curve, choices, step_of_choice
 
 #: bytes of a megabyte
 _MB = 1e6
+#: bytes of what is told at last of the whole and of each texture, at the most
+_TOLD, _TOLD_EACH = 3000, 1500
+#: texels that are joined along either edge, where a size cannot be kept otherwise
+_FACTORS = (1, 2, 4, 8)
 #: photos by which single parts are measured, at the most
 _FEW = 6
 #: settings that fix a part: name of the setting to name in a level
@@ -48,6 +54,9 @@ class CompressConfig(StageConfig):
         0.3, ge=0, le=100, description="Without a target: PSNR of the measured training photos that may be lost, dB"
     )
     measured_views: int = Field(12, ge=1, le=1000, description="Training photos that are measured, evenly spread")
+    joined_texels: int | None = Field(
+        None, ge=1, le=16, description="So many texels along either edge become one first; none = as target_mb needs"
+    )
     color_quality: int | None = Field(None, ge=1, le=100, description="Quality of colours; none = chosen")
     depth_step: float | None = Field(
         None, gt=0, le=1, description="Step of depths, shares of a texel's pitch; none = chosen"
@@ -77,6 +86,7 @@ class CompressConfig(StageConfig):
         if len(named) > 1:
             raise ValueError(f"{' and '.join(named)} cannot both be kept; give one")
         settings = [name for names in _SETTINGS.values() for name in names]
+        settings.append("joined_texels")
         given = [name for name in settings if getattr(self, name) is not None]
         if self.lossless and given:
             raise ValueError(f"lossless leaves no choice of {given[0]}; give one of the two")
@@ -113,33 +123,50 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
     MissingFileError, FormatError
         The asset or the views cannot be read.
     """
-    index, asset = read_index(inputs.asset), read_asset(inputs.asset)
     views = read_views(inputs.views)
     fit = PhotoFit(_spread(views.train, config.measured_views))
-    each, every = fit.each(asset), -(-len(fit.views) // _FEW)
-    coder, before = Coder(inputs.asset, index, asset, fit.psnr, inputs.out), _rounded(mean_of(each))
-    few, curves = mean_of(each[::every]), {}
-    if not config.lossless and few is not None:
-        parts = Parts(inputs.asset, index, asset, lambda changed: fit.psnr(changed, every), few)
-        curves = curves_of(parts, _fixed(config))
-    step, why = _choose(coder, curves, config, before)
-
-    def kept(trial: Trial) -> bool:
-        if config.target_mb is not None:
-            return trial.bytes <= config.target_mb * _MB
-        return trial.psnr is None or before is None or trial.psnr >= _wanted(config, before)
-
-    told = Compression(
-        why=why,
-        chosen=coder.settle(step, kept),
-        bytes_before=size_of(inputs.asset),
-        psnr_before=before,
-        views=[view.name for view in fit.views],
-        parts={name: _told(name, curve, before or 0.0, config) for name, curve in curves.items()},
-        trials=coder.trials,
-    )
-    _finish(coder, inputs, views, told)
+    first = Source(inputs.asset, read_index(inputs.asset), read_asset(inputs.asset))
+    before = mean_of(fit.each(first.asset))
+    with TemporaryDirectory(prefix="ibrpipe-") as scratch:
+        for factor in _factors(config):
+            folder = Path(scratch) / str(factor)
+            source = first if factor == 1 else Source(folder, *write_coarser(first.asset, factor, folder))
+            coder = Coder(source, fit.psnr, inputs.out)
+            step, why, found, parts = _choose(coder, fit, config, _rounded(before))
+            if found:
+                break
+        chosen = coder.settle(step, lambda trial: _kept(trial, config, before, len(first.index.textures)))
+        told = Compression(
+            why=why if factor == 1 else f"{why}; {factor} x {factor} texels are joined",
+            chosen=chosen,
+            joined_texels=factor,
+            bytes_before=size_of(inputs.asset),
+            psnr_before=_rounded(before),
+            views=[view.name for view in fit.views],
+            parts=parts,
+            trials=coder.trials,
+        )
+        _finish(coder, views, told, first)
     return Outputs.below(inputs.out)
+
+
+def _factors(config: CompressConfig) -> tuple[int, ...]:
+    """Return by how much coarser texels are tried, until the target is met."""
+    if config.joined_texels is not None:
+        return (config.joined_texels,)
+    return _FACTORS if config.target_mb is not None else (1,)
+
+
+def _most(megabytes: float, textures: int) -> int:
+    """Return the bytes that coding may take, so that with what is told of its losses and errors the size is kept."""
+    return int(megabytes * _MB) - _TOLD - textures * _TOLD_EACH
+
+
+def _kept(trial: Trial, config: CompressConfig, before: float | None, textures: int) -> bool:
+    """Say whether a coding keeps what is asked for."""
+    if config.target_mb is not None:
+        return trial.bytes <= _most(config.target_mb, textures)
+    return trial.psnr is None or before is None or trial.psnr >= _wanted(config, before)
 
 
 def _fixed(config: CompressConfig) -> dict[str, Level]:
@@ -153,34 +180,41 @@ def _fixed(config: CompressConfig) -> dict[str, Level]:
 
 
 def _choose(
-    coder: Coder, curves: dict[str, Curve], config: CompressConfig, before: float | None
-) -> tuple[CodingStep, str]:
-    """Return the step to take, and why."""
+    coder: Coder, fit: PhotoFit, config: CompressConfig, before: float | None
+) -> tuple[CodingStep, str, bool, dict[str, list[PartLevel]]]:
+    """Return the step to take, why, whether it keeps the target, and what the parts weigh and cost."""
     if config.lossless:
-        return CodingStep(), "every bit of the layers is kept, view dependence as it was"
+        return CodingStep(), "every bit of the layers is kept, view dependence as it was", True, {}
     if before is None:
-        return CodingStep(), "no photo shows the asset, so that nothing can be measured: every bit is kept"
-    fixed, ladder = _fixed(config), choices(curves)
+        why = "no photo shows the asset, so that nothing can be measured: every bit is kept"
+        return CodingStep(), why, True, {}
+    every = -(-len(fit.views) // _FEW)
+    few, fixed = fit.psnr(coder.source.asset, every), _fixed(config)
+    curves = curves_of(Parts(coder.source, lambda changed: fit.psnr(changed, every), few or 0.0), fixed)
+    ladder = choices(curves)
     steps = [step_of_choice(choice, fixed) for choice in ladder]
+    parts = {name: _told(name, curve, before, fixed) for name, curve in curves.items()}
 
     def attempt(place: int) -> tuple[int, float]:
         trial = coder.tried(steps[place])
         return trial.bytes, square(trial.psnr) - square(before)
 
     if config.target_mb is not None:
-        found = finest_within(ladder, int(config.target_mb * _MB), attempt)
+        found = finest_within(ladder, _most(config.target_mb, len(coder.source.index.textures)), attempt)
         if found is None:
-            return steps[-1], f"even the coarsest coding is larger than {config.target_mb:g} MB"
-        return steps[found], f"the finest coding of at most {config.target_mb:g} MB"
+            return steps[-1], f"even the coarsest coding is larger than {config.target_mb:g} MB", False, parts
+        return steps[found], f"the finest coding of at most {config.target_mb:g} MB", True, parts
     wanted = _wanted(config, before)
     found = coarsest_within(ladder, square(wanted) - square(before), attempt)
-    if found is None and fixed:
-        return steps[0], f"with the settings given, the photos are not shown at {wanted:.2f} dB"
     if found is None:
-        return CodingStep(), f"even without losses the photos are not shown at {wanted:.2f} dB"
+        how = "with the settings given" if fixed or config.joined_texels else "even without losses"
+        step = steps[0] if fixed else CodingStep()
+        return step, f"{how} the photos are not shown at {wanted:.2f} dB", False, parts
     if config.target_db is not None:
-        return steps[found], f"the coarsest coding that shows the measured photos at {config.target_db:g} dB or better"
-    return steps[found], f"the coarsest coding that loses at most {config.loss_db:g} dB on the measured photos"
+        why = f"the coarsest coding that shows the measured photos at {config.target_db:g} dB or better"
+        return steps[found], why, True, parts
+    why = f"the coarsest coding that loses at most {config.loss_db:g} dB on the measured photos"
+    return steps[found], why, True, parts
 
 
 def _wanted(config: CompressConfig, before: float) -> float:
@@ -188,10 +222,9 @@ def _wanted(config: CompressConfig, before: float) -> float:
     return before - config.loss_db if config.target_db is None else config.target_db
 
 
-def _told(name: str, curve: Curve, before: float, config: CompressConfig) -> list[PartLevel]:
+def _told(name: str, curve: Curve, before: float, fixed: Mapping[str, Level]) -> list[PartLevel]:
     """Return what was measured of one part."""
-    fixed = _fixed(config).get(name)
-    ladder, places = (LADDERS[name], ANCHORS[name]) if fixed is None else ((fixed,), (0,))
+    ladder, places = ((fixed[name],), (0,)) if name in fixed else (LADDERS[name], ANCHORS[name])
     return [
         PartLevel(
             level=dict(ladder[place]),
@@ -202,17 +235,18 @@ def _told(name: str, curve: Curve, before: float, config: CompressConfig) -> lis
     ]
 
 
-def _finish(coder: Coder, inputs: Inputs, views: ViewSet, told: Compression) -> None:
+def _finish(coder: Coder, views: ViewSet, told: Compression, first: Source) -> None:
     """Write the index with what every texture lost and errs, and `compression.json`."""
-    index, coded = read_index(inputs.out), read_asset(inputs.out)
-    errors = texture_errors(coded, views, [texture.layers.observers for texture in coder.asset.textures])
+    index, coded = read_index(coder.out), read_asset(coder.out)
+    errors = texture_errors(coded, views, [texture.layers.observers for texture in coder.source.asset.textures])
     lost: list[dict[str, Any]] = []
-    for i, (old, new) in enumerate(zip(coder.asset.textures, coded.textures, strict=True)):
-        sizes = [texture_bytes(coder.index.textures[i], inputs.asset), texture_bytes(index.textures[i], inputs.out)]
-        lost.append({"bytes_before": sizes[0], "bytes": sizes[1], **losses(old.layers, new.layers)})
+    for i, (old, new) in enumerate(zip(coder.source.asset.textures, coded.textures, strict=True)):
+        sizes = [texture_bytes(first.index.textures[i], first.folder), texture_bytes(index.textures[i], coder.out)]
+        figures = {"bytes_before": sizes[0], "bytes": sizes[1], **losses(old.layers, new.layers)}
+        lost.append(figures | ({"joined_texels": told.joined_texels} if told.joined_texels > 1 else {}))
     summary = {"why": told.why, "psnr_before": told.psnr_before, "psnr": told.chosen.psnr}
-    finish(index, inputs.out, lost, summary, errors)
-    (inputs.out / "compression.json").write_text(told.to_json(), encoding="utf-8")
+    finish(index, coder.out, lost, summary, errors)
+    (coder.out / "compression.json").write_text(told.to_json(), encoding="utf-8")
 
 
 def _rounded(value: float | None) -> float | None:

@@ -25,11 +25,13 @@ from ibrpipe.evaluation.sizes import bytes_of
 from ibrpipe.evaluation.timing import timed_size
 from ibrpipe.io.assets import AssetIndex, read_asset, read_index
 from ibrpipe.io.layer_pictures import Coding
+from ibrpipe.io.layer_pictures.avif import QUICK
 from ibrpipe.io.manifest import files_below
 from ibrpipe.io.recoding import finish, recode
 from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import View, read_views
-from ibrpipe.modelling.compression.parts import Parts, curves_of
+from ibrpipe.modelling.compression.coarser import write_coarser
+from ibrpipe.modelling.compression.parts import Parts, Source, curves_of
 from ibrpipe.modelling.compression.steps import CodingStep
 from ibrpipe.modelling.compression.tradeoff import choices, step_of_choice
 from ibrpipe.progress import track
@@ -40,8 +42,8 @@ from ibrpipe.types.layers import pitch_of
 
 WIDTH = 640
 _FRAMES, _READS = 5, 3
-#: training photos by which parts are weighed, and codings on the way from fine to coarse
-_FITTED, _POINTS = 6, 11
+#: training photos by which parts are weighed, codings on the way from fine to coarse, texels that are joined further on
+_FITTED, _POINTS, _JOINED = 6, 9, (2, 4, 8)
 #: depth levels and words of gong-yang
 _LEVELS, _WORDS = 256, 256
 
@@ -88,28 +90,42 @@ def _curve(run: Path, most_views: int) -> RateCurve:
 
 def _codings(source: Path, scratch: Path, train: Sequence[View]) -> Iterator[tuple[str, str, Path]]:
     """Write the asset in every coding; yield series, label and folder."""
-    index, asset = read_index(source), read_asset(source)
-    yield "raw", "deep OpenEXR", _written(source, index, asset, scratch / "raw", CodingStep(Coding()), raw=True)
-    steps = _steps(source, index, asset, train)
-    for n, step in enumerate(steps if asset.kinds else ()):
-        yield "whole", _words(step), _written(source, index, asset, scratch / f"whole_{n}", step)
-    bare_index, bare = _bare(index, asset)
-    for n, layers in enumerate(dict.fromkeys(step.layers for step in steps)):
-        step = CodingStep(layers)
-        yield "diffuse", _words(step), _written(source, bare_index, bare, scratch / f"diffuse_{n}", step)
-    for n, (label, layers) in enumerate(paper_codings(asset).items()):
-        yield "paper", label, _written(source, index, asset, scratch / f"paper_{n}", CodingStep(layers))
+    whole = Source(source, _untold(read_index(source)), read_asset(source))
+    yield "raw", "deep OpenEXR", _written(whole, scratch / "raw", CodingStep(Coding()), raw=True)
+    name = "whole" if whole.asset.kinds else "diffuse"
+    steps = _steps(whole, train, _POINTS)
+    for n, step in enumerate([CodingStep(), *steps]):
+        yield name, _words(step), _written(whole, scratch / f"whole_{n}", step)
+    for factor in _JOINED:
+        folder = scratch / f"joined_{factor}"
+        index, asset = write_coarser(whole.asset, factor, folder)
+        joined = Source(folder, _untold(index), asset)
+        for n, step in enumerate(_steps(joined, train, 3)[1:]):
+            words = f"{factor} x {factor} texels joined, {_words(step)}"
+            yield name, words, _written(joined, scratch / f"joined_{factor}_{n}", step)
+    if whole.asset.kinds:
+        bare = _bare(whole)
+        for n, layers in enumerate(dict.fromkeys(step.layers for step in steps[::3])):
+            step = CodingStep(layers)
+            yield "diffuse", _words(step), _written(bare, scratch / f"diffuse_{n}", step)
+    for n, (label, layers) in enumerate(paper_codings(whole.asset).items()):
+        yield "paper", label, _written(whole, scratch / f"paper_{n}", CodingStep(layers))
 
 
-def _steps(source: Path, index: AssetIndex, asset: Asset, train: Sequence[View]) -> list[CodingStep]:
-    """Return codings as `ibrpipe compress` chooses from, exact first, then evenly spread over bytes."""
+def _untold(index: AssetIndex) -> AssetIndex:
+    """Return the index without what only tells how the asset was made: at few bytes that would be most of them."""
+    textures = [entry.model_copy(update={"measured": {}}) for entry in index.textures]
+    return index.model_copy(update={"textures": textures, "provenance": {}})
+
+
+def _steps(source: Source, train: Sequence[View], count: int) -> list[CodingStep]:
+    """Return about so many codings as `ibrpipe compress` chooses from, evenly spread over bytes, large ones first."""
     fit = PhotoFit(_spread(train, _FITTED))
-    parts = Parts(source, index, asset, fit.psnr, fit.psnr(asset) or 0.0)
-    ladder = choices(curves_of(parts, {}))
+    ladder = choices(curves_of(Parts(source, fit.psnr, fit.psnr(source.asset) or 0.0), {}))
     sizes = np.log([choice.size for choice in ladder])
-    wanted = np.linspace(sizes.max(), sizes.min(), _POINTS)
+    wanted = np.linspace(sizes.max(), sizes.min(), count)
     places = dict.fromkeys(int(np.abs(sizes - size).argmin()) for size in wanted)
-    return list(dict.fromkeys([CodingStep(), *(step_of_choice(ladder[place], {}) for place in places)]))
+    return list(dict.fromkeys(step_of_choice(ladder[place], {}) for place in places))
 
 
 def paper_codings(asset: Asset) -> dict[str, Coding]:
@@ -126,17 +142,19 @@ def paper_codings(asset: Asset) -> dict[str, Coding]:
     }
 
 
-def _bare(index: AssetIndex, asset: Asset) -> tuple[AssetIndex, Asset]:
+def _bare(source: Source) -> Source:
     """Return the same without view dependence."""
-    entries = [entry.model_copy(update={"components": []}) for entry in index.textures]
-    textures = tuple(Texture(texture.layers) for texture in asset.textures)
-    return index.model_copy(update={"textures": entries, "shared": []}), Asset(textures, asset.info)
+    entries = [entry.model_copy(update={"components": []}) for entry in source.index.textures]
+    textures = tuple(Texture(texture.layers) for texture in source.asset.textures)
+    index = source.index.model_copy(update={"textures": entries, "shared": []})
+    return Source(source.folder, index, Asset(textures, source.asset.info))
 
 
-def _written(source: Path, index: AssetIndex, asset: Asset, out: Path, step: CodingStep, raw: bool = False) -> Path:
+def _written(source: Source, out: Path, step: CodingStep, raw: bool = False) -> Path:
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    fresh = recode(source, index, asset, out, None if raw else step.layers, step.quality_of)
+    layers = None if raw else step.layers
+    fresh = recode(source.folder, source.index, source.asset, out, layers, step.quality_of, QUICK)
     finish(fresh, out, [None] * len(fresh.textures))
     return out
 

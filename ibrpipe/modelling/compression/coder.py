@@ -6,23 +6,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ibrpipe.io.assets import INDEX, AssetIndex, files_of, read_asset, read_index
+from ibrpipe.io.assets import INDEX, files_of, read_asset, read_index
 from ibrpipe.io.layer_pictures.avif import QUICK, THOROUGH
 from ibrpipe.io.manifest import files_below
 from ibrpipe.io.recoding import finish, recode
 from ibrpipe.modelling.compression.document import Trial
-from ibrpipe.modelling.compression.parts import Measure
+from ibrpipe.modelling.compression.parts import Measure, Source
 from ibrpipe.modelling.compression.steps import CodingStep
-from ibrpipe.types import Asset
 
 
 @dataclass
 class Coder:
-    """Codes the asset in folder `source`, which was read as `index` and `asset`, into the folder `out`."""
+    """Codes the asset `source` into the folder `out`."""
 
-    source: Path
-    index: AssetIndex
-    asset: Asset
+    source: Source
     measure: Measure
     out: Path
     trials: list[Trial] = field(default_factory=list)
@@ -32,7 +29,9 @@ class Coder:
         if (self.out / INDEX).is_file():
             for name in files_of(read_index(self.out)):
                 (self.out / name).unlink(missing_ok=True)
-        index = recode(self.source, self.index, self.asset, self.out, step.layers, step.quality_of, speed)
+        index = recode(
+            self.source.folder, self.source.index, self.source.asset, self.out, step.layers, step.quality_of, speed
+        )
         finish(index, self.out, [{}] * len(index.textures))
 
     def tried(self, step: CodingStep) -> Trial:

@@ -33,6 +33,7 @@ class Compression(Document):
 
     why: str = Field(description="What was asked for, and whether it was kept")
     chosen: Trial = Field(description="How the asset is coded")
+    joined_texels: int = Field(1, description="Texels along either edge of a texture that have become one")
     bytes_before: int = Field(ge=0, description="Size of the asset as it came")
     psnr_before: float | None = Field(None, description="PSNR of the photos before, dB")
     views: list[str] = Field(description="Training photos that were measured")

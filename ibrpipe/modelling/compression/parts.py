@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -21,11 +22,20 @@ Measure = Callable[[Asset], float | None]
 _EXACT = {"color": 5.0, "depth": 4.0, "normal": 8.0}
 
 
+@dataclass(frozen=True, eq=False)
+class Source:
+    """An asset: its folder, and what was read there."""
+
+    folder: Path
+    index: AssetIndex
+    asset: Asset
+
+
 class Parts:
     """What an asset consists of, and what each part of it costs and loses when it is coded."""
 
-    def __init__(self, source: Path, index: AssetIndex, asset: Asset, measure: Measure, before: float) -> None:
-        self._source, self._index, self._asset = source, index, asset
+    def __init__(self, source: Source, measure: Measure, before: float) -> None:
+        self._source, self._index, self._asset = source.folder, source.index, source.asset
         self._measure, self._error = measure, square(before)
 
     def names(self) -> list[str]:

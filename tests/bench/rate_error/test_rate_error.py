@@ -52,6 +52,7 @@ def test_points_and_page(run: Path, tmp_path: Path) -> None:
     counts = {name: len(points) for name, points in by_series.items()}
     assert counts == {"raw": 1, "diffuse": counts["diffuse"], "paper": 2, "lumigraph": 1}
     assert counts["diffuse"] >= 8
+    assert sum("texels joined" in point.label for point in by_series["diffuse"]) >= 3
     diffuse = by_series["diffuse"]
     sizes = [point.bytes for point in diffuse]
     assert sizes[0] == max(sizes)
