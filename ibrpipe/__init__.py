@@ -10,6 +10,7 @@ from ibrpipe.version import VERSION as __version__
 if TYPE_CHECKING:
     from ibrpipe.io.assets import read_asset, write_asset
     from ibrpipe.io.captures import read_capture
+    from ibrpipe.io.scenes import read_scene, write_scene
     from ibrpipe.io.surfaces.materials import read_relief_mesh, read_relief_meshes
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
     from ibrpipe.renderers.composite import composite
@@ -64,8 +65,10 @@ _HOME = {
     "read_capture": "io.captures",
     "read_relief_mesh": "io.surfaces.materials",
     "read_relief_meshes": "io.surfaces.materials",
+    "read_scene": "io.scenes",
     "render": "renderers.api",
     "write_asset": "io.assets",
+    "write_scene": "io.scenes",
 }
 
 __all__ = [
@@ -98,9 +101,11 @@ __all__ = [
     "read_capture",
     "read_relief_mesh",
     "read_relief_meshes",
+    "read_scene",
     "render",
     "renderers",
     "write_asset",
+    "write_scene",
 ]
 
 

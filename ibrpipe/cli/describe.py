@@ -15,12 +15,15 @@ from ibrpipe.stages.registry import load_stages
 
 if TYPE_CHECKING:
     from ibrpipe.io.assets import TextureEntry
+    from ibrpipe.types import Part, Scene
 
 Facts = dict[str, Any]
 
 
 def describe(path: Path) -> Facts:
-    """Return the facts about a capture folder, a run folder, an asset folder or a ``views.json``; ``kind`` says which.
+    """Return the facts about a capture, run, asset or scene folder, a ``views.json`` or a glTF file.
+
+    ``kind`` says which.
 
     Raises
     ------
@@ -29,8 +32,12 @@ def describe(path: Path) -> Facts:
     IbrError
         What is there cannot be read.
     """
+    from ibrpipe.io.scenes import is_scene, read_scene
+
     if not path.exists():
-        raise MissingFileError(f"{path} does not exist; expected a capture, run or asset folder, or a views.json")
+        raise MissingFileError(f"{path} does not exist; expected a capture, run, asset or scene, or a views.json")
+    if is_scene(path):
+        return scene_facts(read_scene(path), path)
     if path.is_file():
         return _views(path)
     if (path / "asset.json").is_file():
@@ -50,6 +57,33 @@ def describe(path: Path) -> Facts:
 def bytes_below(folder: Path) -> int:
     """Return the sizes of the files below `folder`, manifests left out, in bytes."""
     return sum(path.stat().st_size for path in files_below(folder))
+
+
+def scene_facts(scene: Scene, path: Path) -> Facts:
+    """Return what a scene consists of; nothing is taken apart."""
+    uses = scene.uses
+    facts: Facts = {"kind": "scene", "path": str(path)}
+    facts |= {"bytes": bytes_below(path) if path.is_dir() else path.stat().st_size, "root": scene.root}
+    facts |= {"sub_objects": scene.sub_objects[scene.root], "polygons": scene.polygons[scene.root]}
+    bounds = scene.bounds[scene.root]
+    if not bounds.empty:
+        facts |= {"low": bounds.low.tolist(), "high": bounds.high.tolist()}
+    facts["lights"] = len(scene.lighting.lights)
+    facts["parts"] = {name: _part(scene, part, uses[name]) for name, part in scene.parts.items()}
+    return facts
+
+
+def _part(scene: Scene, part: Part, uses: int) -> Facts:
+    from ibrpipe.io.scenes.placement import singular
+
+    facts: Facts = {"instances": uses, "own_polygons": sum(len(each.mesh.faces) for each in part.meshes)}
+    facts |= {"polygons": scene.polygons[part.name], "sub_objects": scene.sub_objects[part.name]}
+    facts["copies_held"] = sum(len(copies) for copies in part.children)
+    flat = sum(int(singular(copies.matrices).sum()) for copies in part.children)
+    arrays = [array for each in part.meshes for array in (each.mesh.vertices, each.mesh.faces, each.color)]
+    facts["bytes"] = sum(array.nbytes for array in arrays) + sum(copies.matrices.nbytes for copies in part.children)
+    facts |= {"sources": len(part.sources)} if part.sources else {}
+    return facts | ({"flattened_copies": flat} if flat else {})
 
 
 def _capture(path: Path) -> Facts:

@@ -18,13 +18,16 @@ from ibrpipe.cli.show import duration, size
 @click.command(
     name="inspect",
     epilog=example(
-        "ibrpipe inspect captures/glossy", "ibrpipe inspect out/asset --json", "ibrpipe inspect out --against sparse/0"
+        "ibrpipe inspect captures/glossy",
+        "ibrpipe inspect out/asset --json",
+        "ibrpipe inspect out --against sparse/0",
+        "ibrpipe inspect scenes/forest",
     ),
 )
 @click.argument("path", type=PATH)
 @click.option("--against", type=PATH, metavar="TRUTH", help="Compare the cameras with those of this folder.")
 def command(path: Path, against: Path | None, as_json: bool) -> None:
-    """Say what the capture folder, run folder, asset folder or views.json at PATH holds.
+    """Say what the capture, run, asset or scene folder, views.json or glTF file at PATH holds.
 
     With --against, PATH and TRUTH are COLMAP models, or capture, run or calibrate folders. The cameras of PATH are
     aligned to those of TRUTH by a similarity, and what is left is told: distances in its unit, and in degrees rotations

@@ -32,10 +32,10 @@ TOOLS: Section = {
         "Cover a mesh with few perspective depth images, as an asset.",
     ),
     "export": ("ibrpipe.cli.export:command", "Write an asset in a form that other programs open."),
-    "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run or an asset holds."),
+    "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run, an asset or a scene holds."),
     "relief": ("ibrpipe.cli.relief:command", "Make relief textures; map reliefs onto meshes."),
     "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of files on disk and of renderers' options."),
-    "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth."),
+    "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth, or a scene of many copies."),
 }
 
 

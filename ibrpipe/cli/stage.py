@@ -25,9 +25,9 @@ from ibrpipe.engine.executor import executor
 from ibrpipe.engine.run_folder import only_run
 from ibrpipe.engine.runner import Job, run_job, upstream_keys
 from ibrpipe.engine.stage import Stage
-from ibrpipe.engine.yaml_settings import Key, Settings, validated
 from ibrpipe.errors import ConfigError, MissingFileError
 from ibrpipe.io.manifest import Hasher, Manifest
+from ibrpipe.io.yaml_settings import Key, Settings, validated
 from ibrpipe.stages.registry import load_stage, load_stages, registered
 
 

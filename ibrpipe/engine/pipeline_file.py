@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator
 import ibrpipe
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage
-from ibrpipe.engine.yaml_settings import Settings, parse, renamed, take_current_names, validated, value_of
 from ibrpipe.errors import ConfigError, MissingFileError, closest
+from ibrpipe.io.yaml_settings import Settings, parse, renamed, take_current_names, validated, value_of
 
 
 @dataclass(frozen=True)

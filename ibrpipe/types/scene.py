@@ -115,6 +115,16 @@ class Scene:
         """Number of triangles that one copy of each part consists of, all levels."""
         return self._totals(lambda part: sum(len(each.mesh.faces) for each in part.meshes))
 
+    @cached_property
+    def uses(self) -> dict[str, int]:
+        """How often each part occurs in the scene, all levels; 0 where the root does not need it."""
+        found = dict.fromkeys(self.parts, 0)
+        found[self.root] = 1
+        for name in reversed(self.parts):
+            for copies in self.parts[name].children:
+                found[copies.part] += found[name] * len(copies)
+        return found
+
     def _totals(self, own: Callable[[Part], int]) -> dict[str, int]:
         found: dict[str, int] = {}
         for name, part in self.parts.items():

@@ -18,8 +18,8 @@ import ibrpipe
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.pipeline_file import find_pipeline, load_pipeline, packaged_pipelines
 from ibrpipe.engine.stage import Stage, StageOutputs
-from ibrpipe.engine.yaml_settings import Settings, parse
 from ibrpipe.errors import ConfigError, MissingFileError, closest
+from ibrpipe.io.yaml_settings import Settings, parse
 from ibrpipe.stages.registry import load_stages, registered
 
 ROOT = Path(ibrpipe.__file__).parent.parent

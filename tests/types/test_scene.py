@@ -145,3 +145,9 @@ def test_captured_sources_are_enclosed():
     np.testing.assert_allclose(points[:, 2], 2.0)
     scene = Scene([Part("root", sources=(relief,))], "root")
     assert scene.bounds["root"].high[2] == 5
+
+
+def test_uses_count_the_copies_of_all_levels():
+    assert small_scene().uses == {"leaf": 6, "twig": 3, "root": 1}
+    unused = Scene([Part("a", (triangle(),)), Part("b", children=(Instances("a", np.eye(4)),)), Part("c")], "c")
+    assert unused.uses == {"a": 0, "b": 0, "c": 1}

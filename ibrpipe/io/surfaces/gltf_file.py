@@ -10,6 +10,7 @@ import base64
 import importlib.util
 import json
 import struct
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -21,11 +22,13 @@ from ibrpipe.types import Array
 
 #: names under which trimesh keeps tangents, which it else leaves out
 TANGENT, KEPT = "TANGENT", "_TANGEN"
+#: and colours, of which it keeps 8 bits
+COLOR, KEPT_COLOR = "COLOR_0", "_COLOR"
 _DRACO, _TRANSFORM, _QUANTIZED = "KHR_draco_mesh_compression", "KHR_texture_transform", "KHR_mesh_quantization"
 _KNOWN = (_DRACO, _TRANSFORM, _QUANTIZED, "EXT_texture_webp", "KHR_lights_punctual", "KHR_node_visibility")
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-_FLOATS = ("POSITION", "NORMAL", TANGENT, "TEXCOORD")
+_FLOATS = ("POSITION", "NORMAL", TANGENT, "TEXCOORD", COLOR)
 _TEXTURES = ("baseColorTexture", "diffuseTexture", "normalTexture")
 Json = dict[str, Any]
 
@@ -47,9 +50,16 @@ def plain_gltf(path: Path, materials: bool = True, strict: bool = True) -> bytes
     FormatError, MissingFileError
         Damaged, an extension that is needed and not known, Draco without DracoPy, a missing file.
     """
-    file = _File(path)
+    file = GltfFile(path)
+    make_plain(file, materials, strict)
+    return file.content()
+
+
+def make_plain(file: GltfFile, materials: bool = True, strict: bool = True, known: Collection[str] = ()) -> None:
+    """Do the same to a file in memory; extensions in `known` are the caller's."""
+    path = file.path
     required = [name for name in file.json.get("extensionsRequired", []) if not name.startswith("KHR_materials_")]
-    unknown = [name for name in required if name not in _KNOWN and (materials or "texture" not in name)]
+    unknown = [name for name in required if name not in (*_KNOWN, *known) and (materials or "texture" not in name)]
     if unknown:
         raise FormatError(f"{path}: needs {', '.join(unknown)}, which is not read; export it without, as plain glTF")
     if materials and strict:
@@ -57,10 +67,9 @@ def plain_gltf(path: Path, materials: bool = True, strict: bool = True) -> bytes
     for mesh in file.json.get("meshes", []):
         for primitive in mesh["primitives"]:
             _make_plain(file, primitive, materials)
-    return file.content()
 
 
-class _File:
+class GltfFile:
     """A file in memory, to which accessors can be added."""
 
     def __init__(self, path: Path) -> None:
@@ -141,11 +150,11 @@ class _File:
             "type": like["type"] if like else names[rows.shape[1]],
         }
 
-    def content(self) -> bytes:
-        """Return the file with what was changed."""
-        if not self.changed:
+    def content(self, instead: Json | None = None) -> bytes:
+        """Return the file with what was changed, or with another JSON."""
+        if not self.changed and instead is None:
             return self.path.read_bytes()
-        text = json.dumps(self.json).encode("utf-8")
+        text = json.dumps(self.json if instead is None else instead).encode("utf-8")
         if not self.chunks:
             return text
         text += b" " * (-len(text) % 4)
@@ -155,7 +164,7 @@ class _File:
         return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
-def _make_plain(file: _File, primitive: Json, materials: bool) -> None:
+def _make_plain(file: GltfFile, primitive: Json, materials: bool) -> None:
     attributes, accessors = primitive["attributes"], file.json["accessors"]
     packed = primitive.get("extensions", {}).get(_DRACO)
     if packed is not None and "bufferView" not in accessors[attributes["POSITION"]]:
@@ -172,9 +181,12 @@ def _make_plain(file: _File, primitive: Json, materials: bool) -> None:
     if TANGENT in attributes:
         attributes[KEPT] = attributes.pop(TANGENT)
         file.changed = True
+    if COLOR in attributes:
+        attributes[KEPT_COLOR] = attributes.pop(COLOR)
+        file.changed = True
 
 
-def _unpack(file: _File, primitive: Json, packed: Json) -> None:
+def _unpack(file: GltfFile, primitive: Json, packed: Json) -> None:
     if importlib.util.find_spec("DracoPy") is None:
         raise FormatError(
             f"{file.path}: is compressed by Draco, which needs a package; type: pip install 'ibrpipe[draco]', or "
@@ -196,7 +208,7 @@ def _unpack(file: _File, primitive: Json, packed: Json) -> None:
     del primitive["extensions"][_DRACO]
 
 
-def _lay_texture(file: _File, primitive: Json) -> None:
+def _lay_texture(file: GltfFile, primitive: Json) -> None:
     """Give a primitive the texture coordinates that its material's textures are laid by, as TEXCOORD_0."""
     material = file.json["materials"][primitive["material"]]
     parts = [material, material.get("pbrMetallicRoughness", {})]
@@ -230,7 +242,7 @@ def _way(info: Json) -> tuple[int, tuple[float, ...], float, tuple[float, ...]]:
     return int(number), offset, float(change.get("rotation", 0.0)), scale
 
 
-def _check_images(file: _File) -> None:
+def _check_images(file: GltfFile) -> None:
     """Look for the files of textures: trimesh leaves out in silence what it does not find."""
     for image in file.json.get("images", []):
         uri = image.get("uri", "data:")

@@ -113,7 +113,7 @@ def _join(path: Path, parts: Sequence[Any], shown: Any) -> Textured:
     uv = None
     if all(each is not None and len(each) for each in found):
         laid = [
-            _laid(path, np.asarray(each, np.float64), getattr(part.visual, "material", None))
+            laid_uv(path, np.asarray(each, np.float64), getattr(part.visual, "material", None))
             for each, part in zip(found, parts)
         ]
         uv = np.concatenate([each[part.faces] for each, part in zip(laid, parts)])
@@ -138,16 +138,8 @@ def _stored_normals(parts: Sequence[Any]) -> Array | None:
 
 def _textures(path: Path, material: Any) -> tuple[Array | None, Array | None, Array | None]:
     """Colour (linear), normals and heights of a material: those of its own image, else alpha of the normal map."""
-    image, bumps = _image(path, material), _normal_image(path, material)
-    color = normal = height = None
-    if image is not None:
-        color = srgb_decode(np.asarray(image.convert("RGB"), np.float32) / 255.0)
-    factor = getattr(material, "baseColorFactor", None)
-    if factor is None and image is None:
-        factor = getattr(material, "diffuse", None)  # Kd of an OBJ material
-    if factor is not None:
-        scale = np.asarray(factor, np.float64).ravel()[:3] / (255.0 if np.asarray(factor).dtype == np.uint8 else 1.0)
-        color = scale.reshape(1, 1, 3) if color is None else color * scale
+    color, bumps = material_color(path, material), _normal_image(path, material)
+    normal = height = None
     if bumps is not None:
         if "A" in bumps.getbands():
             height = np.asarray(bumps.getchannel("A"), np.float32) / 255.0
@@ -157,7 +149,20 @@ def _textures(path: Path, material: Any) -> tuple[Array | None, Array | None, Ar
         file = bump
     if file is not None:
         height = read_height(file)
-    return None if color is None else np.ascontiguousarray(color, np.float32), normal, height
+    return color, normal, height
+
+
+def material_color(path: Path, material: Any, factored: bool = True) -> Array | None:
+    """Colour texture (H, W, 3) float32, linear, times the material's own colour if `factored`; None without either."""
+    image = _image(path, material)
+    color = None if image is None else srgb_decode(np.asarray(image.convert("RGB"), np.float32) / 255.0)
+    factor = getattr(material, "baseColorFactor", None) if factored else None
+    if factor is None and image is None and factored:
+        factor = getattr(material, "diffuse", None)  # Kd of an OBJ material
+    if factor is not None:
+        scale = np.asarray(factor, np.float64).ravel()[:3] / (255.0 if np.asarray(factor).dtype == np.uint8 else 1.0)
+        color = scale.reshape(1, 1, 3) if color is None else color * scale
+    return None if color is None else np.ascontiguousarray(color, np.float32)
 
 
 def _image(path: Path, material: Any) -> Any:
@@ -174,7 +179,7 @@ def _maps(material: Any) -> dict[str, Map]:
     return {} if stored is None else stored.maps
 
 
-def _laid(path: Path, uv: Array, material: Any) -> Array:
+def laid_uv(path: Path, uv: Array, material: Any) -> Array:
     """Apply scale and offset that an OBJ material gives its maps to texture coordinates (V, 2), v upward."""
     ways = {(each.scale, each.offset) for each in _maps(material).values()}
     if len(ways) > 1:

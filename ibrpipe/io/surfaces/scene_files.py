@@ -74,20 +74,31 @@ def _scene(path: Path, materials: bool, strict: bool) -> tuple[Any, Mapping[str,
     import trimesh
 
     kind, options = path.suffix.lower()[1:], {"process": False}
-    if kind in ("obj", "glb", "gltf"):
+    if kind == "obj":
         options["skip_materials"] = not materials
-    resolver = trimesh.resolvers.FilePathResolver(str(path))
     if kind in ("glb", "gltf"):
-        content = io.BytesIO(plain_gltf(path, materials, strict))
-        return trimesh.load_scene(content, file_type=kind, resolver=resolver, **options), {}
+        return load_gltf(path, plain_gltf(path, materials, strict), materials), {}
     if kind == "obj":
         plain = plain_obj(path, materials, strict)
-        resolver = _Resolver(resolver, plain.mtl)
+        resolver = _Resolver(trimesh.resolvers.FilePathResolver(str(path)), plain.mtl)
         scene = trimesh.load_scene(io.BytesIO(plain.text), file_type=kind, resolver=resolver, **options)
         return scene, plain.materials
     if kind == "ply":
         return _ply_scene(path, options), {}
     return trimesh.load_scene(str(path), **options), {}
+
+
+def load_gltf(path: Path, content: bytes, materials: bool = True) -> Any:
+    """Let trimesh read the `content` of the glTF file `path`, as `plain_gltf` returns it."""
+    import trimesh
+
+    return trimesh.load_scene(
+        io.BytesIO(content),
+        file_type=path.suffix.lower()[1:],
+        resolver=trimesh.resolvers.FilePathResolver(str(path)),
+        process=False,
+        skip_materials=not materials,
+    )
 
 
 def _ply_scene(path: Path, options: dict[str, bool]) -> Any:

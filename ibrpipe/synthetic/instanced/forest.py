@@ -45,7 +45,7 @@ def forest(trees: int, seed: int = 5, species: Sequence[str] = tuple(SPECIES)) -
     kind = rng.integers(0, len(species), trees)
     parts, copies = [], []
     for n, name in enumerate(species):
-        parts += tree(name, 11 + n + 1000 * (seed - 5))
+        parts += tree(name, (11 + n + 1000 * (seed - 5)) % 2**32)
         copies.append(Instances(parts[-1].name, matrices[kind == n]))
     ground = painted_ground(10 * side * SPACING, GROUND)
     return Scene([*parts, Part("forest", (ground,), children=tuple(copies))], "forest")
