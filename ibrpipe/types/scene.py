@@ -120,7 +120,7 @@ class Scene:
         """How often each part occurs in the scene, all levels; 0 where the root does not need it."""
         found = dict.fromkeys(self.parts, 0)
         found[self.root] = 1
-        for name in reversed(self.parts):
+        for name in reversed(list(self.parts)):
             for copies in self.parts[name].children:
                 found[copies.part] += found[name] * len(copies)
         return found
