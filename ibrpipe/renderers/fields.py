@@ -20,6 +20,8 @@ from ibrpipe.types.renderable import GridSource
 UNKNOWN_GAP = 4.0
 #: steepest slope that a normal may predict, in texels of depth per texel
 STEEPEST = 4.0
+#: the same of samples that fill their texel in part: thin things bend within it, and steep planes stick out as spikes
+STEEPEST_RIM = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +207,10 @@ def _steps(layers: LayeredDepthImage) -> tuple[Array, Array, Array]:
             step = depth * along[:, :2].T / (along * pixel).sum(axis=1)
             margin = np.array([[0.0, -1.0 / frame.K[0, 0]], [0.0, -1.0 / frame.K[1, 1]]])
             texel = margin[:, 1:] * depth
-    return depth, np.clip(step, -STEEPEST * texel, STEEPEST * texel).astype(np.float32), margin
+    most = STEEPEST * texel
+    if layers.coverage is not None:
+        most = np.where(layers.coverage < 1, STEEPEST_RIM * texel, most)
+    return depth, np.clip(step, -most, most).astype(np.float32), margin
 
 
 def _texel_places(layers: LayeredDepthImage) -> tuple[Array, Array]:

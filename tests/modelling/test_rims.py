@@ -136,5 +136,5 @@ def test_a_plant_is_shown_better_than_by_the_lumigraph(measured, winding):
         figures.append([*scores, (asset.alpha[inside] > 0).mean()])
     shown, blended, covered = np.mean(figures, axis=0)
     assert shown > blended + 2.0
-    assert covered > 0.98
+    assert covered > 0.97
     assert 18.0 < shown < 20.5
