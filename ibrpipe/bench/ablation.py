@@ -56,7 +56,8 @@ def measure(run: Path, config: ResidualsConfig) -> list[Row]:
         The run has no held-out views, or its plan wants no residuals.
     """
     stage = load_stage("residuals")
-    sources = Sources(**paths_below(run, stage_inputs(stage, load_stages())))
+    paths = paths_below(run, stage_inputs(stage, load_stages()))
+    sources = Sources(**{name: path for name, path in paths.items() if name != "sides" or path.exists()})
     context, views = context_of(sources), read_views(sources.views).test
     wanted = [i for i, plan in enumerate(context.plans) if plan.component(SPIRAL)]
     if not views or not wanted:

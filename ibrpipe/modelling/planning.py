@@ -44,6 +44,8 @@ from ibrpipe.modelling.view_dependence.spiral_plan import SPIRAL, SpiralPlan
 #: share of the photos' pixels at edges from which on rims have coverage (vase, demo and wall: 0.03 to 0.06, photos of
 #: 96 x 72 pixels 0.23; the plant 0.36)
 EDGES = 0.25
+#: what the choice of coverage is called in the plan
+COVERAGE = "coverage of rims"
 #: spiral densities to choose from; coarser ones lose highlights (1/16 costs 0.7 dB on photos 22 degrees apart)
 DENSITIES = (1 / 24, 1 / 32)
 
@@ -231,16 +233,14 @@ def choose_residuals(name: str, found: Appearance, config: PlanConfig) -> tuple[
 def choose_coverage(config: PlanConfig, photos: PhotoSet) -> tuple[bool, Told]:
     """Decide by the photos' pixels at edges whether samples at rims hold which share of their texel they fill."""
     share = edge_share(photos)
-    if config.coverage != "auto":
-        return config.coverage == "always", reason(
-            "coverage of rims", config.coverage == "always", "set by the pipeline file", edge_pixels=round(share, 4)
+    choice, why = config.coverage == "always", "set by the pipeline file"
+    if config.coverage == "auto":
+        choice = share >= EDGES
+        why = (
+            f"{100 * share:.0f} % of the photos' pixels lie at edges of surfaces; from {100 * EDGES:.0f} % on, as with "
+            "leaves and wires, samples there hold which share of their texel they fill"
         )
-    choice = share >= EDGES
-    why = (
-        f"{100 * share:.0f} % of the photos' pixels lie at edges of surfaces; from {100 * EDGES:.0f} % on, as with "
-        "leaves and wires, samples there hold which share of their texel they fill"
-    )
-    return choice, reason("coverage of rims", choice, why, edge_pixels=round(share, 4))
+    return choice, reason(COVERAGE, choice, why, edge_pixels=round(share, 4))
 
 
 def choose_k(config: PlanConfig, photos: PhotoSet, center: np.ndarray) -> tuple[float, Told]:

@@ -13,7 +13,7 @@ from ibrpipe.io.surfaces.meshes import read_mesh
 from ibrpipe.io.views import read_views
 from ibrpipe.modelling.frusta import write_frusta
 from ibrpipe.modelling.plan_file import write_plan
-from ibrpipe.modelling.planning import PlanConfig, make_plan
+from ibrpipe.modelling.planning import COVERAGE, PlanConfig, make_plan
 from ibrpipe.modelling.sides import find_sides, write_sides
 
 
@@ -47,9 +47,13 @@ def run(inputs: Inputs, config: PlanConfig) -> Outputs:
     plans, reasons = make_plan(sides.caster(mesh), photos, config, inputs.seed)
     outputs = Outputs.below(inputs.out)
     write_plan(plans, [told, *reasons], outputs.plan)
+    shown = [each for each in reasons if each["what"] == COVERAGE and each["choice"]]
     if outputs.sides is not None and not sides.plain:
         write_sides(sides, outputs.sides)
-        (inputs.out / "summary.txt").write_text(f"{told['what']}: {told['reason']}\n", encoding="utf-8")
+        shown = [told, *shown]
+    if shown:
+        lines = "".join(f"{each['what']}: {each['reason']}\n" for each in shown)
+        (inputs.out / "summary.txt").write_text(lines, encoding="utf-8")
     frusta = [plan.rectangle.frustum for plan in plans if plan.rectangle.frustum]
     if frusta and outputs.frusta is not None:
         write_frusta(frusta, outputs.frusta)

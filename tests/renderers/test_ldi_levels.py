@@ -117,3 +117,21 @@ def test_opaque_layers_keep_order_and_sizes():
     np.testing.assert_array_equal(kept.depth[:2], [4, 8])
     hard = sheets([RED], [1], None)
     assert opaque(hard) is hard
+
+
+def test_threads_and_searches_change_no_byte():
+    random = np.random.default_rng(11)
+    counts = random.integers(0, 5, (20, 20))
+    depth = np.concatenate([np.sort(random.uniform(1, 9, n)) for n in counts.ravel()])
+    color, normal = random.random((len(depth), 3)), np.tile([0.0, 0.1, 1.0], (len(depth), 1))
+    coverage = random.integers(1, 17, len(depth)) / 16
+    source = LayeredDepthImage(frame_at(20), offsets_of(counts), depth, color, normal, None, coverage)
+    camera = ibrpipe.Camera.look_at((18, 14, 40), (10, 10, -4), up=(0, 1, 0), fov_y_deg=30, width=61, height=47)
+    one, two, three = (
+        ibrpipe.render(source, camera, **options)
+        for options in ({"threads": 1}, {"threads": 2}, {"search": "quadtree"})
+    )
+    assert ((one.alpha > 0) & (one.alpha < 1)).mean() > 0.1
+    for name in ("color", "alpha", "depth"):
+        assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
+    np.testing.assert_allclose(one.alpha, three.alpha, atol=1e-4)
