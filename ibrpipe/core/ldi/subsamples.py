@@ -38,6 +38,7 @@ from ibrpipe.core.ldi.project import (
     T,
     beyond_picture,
     bound_boxes,
+    insert_hit,
     meet_pieces,
     skip_block,
 )  # fmt: skip
@@ -172,7 +173,7 @@ def list_rays(block, k, field, patches, views, asked, boxes, lists, keys, floors
 
 @kernel
 def search_subsamples(patches, blocks, bounds, views, size, asked, keys):
-    # keys (parts, 1, N * n * n) i64: hits of the asked pixels' rays, row by row within a pixel, a list per part
+    # keys (parts, ranks, N * n * n) i64: nearest hits of the asked pixels' rays, row by row within a pixel, per part
     corners, cells, _, _ = patches
     pixels, rays, eyes, signs, perspective = views
     columns, rows = size
@@ -182,8 +183,9 @@ def search_subsamples(patches, blocks, bounds, views, size, asked, keys):
         part = np.int64(each)  # prange counts unsigned
         boxes, listed = np.empty((6, BLOCK)), np.empty((1, 9, LIST), np.float32)
         tags, counts = np.empty((1, 5, LIST), np.int64), np.zeros(1, np.int64)
-        for ray in range(keys.shape[2]):
-            keys[part, 0, ray] = NOTHING
+        for rank in range(keys.shape[1]):
+            for ray in range(keys.shape[2]):
+                keys[part, rank, ray] = NOTHING
         for block in range(part, len(blocks), parts):
             field, count = blocks[block, 0], blocks[block, 1]
             if skip_block(block, field, bounds, pixels, rays, columns, rows):
@@ -207,16 +209,18 @@ def search_subsamples(patches, blocks, bounds, views, size, asked, keys):
 
 @kernel
 def merge_subsamples(keys, out_depth, out_ids):
-    # keys as above -> the nearest of all parts: depth (N, n * n) f32, ids (N, n * n) u32
-    rays = out_depth.shape[1]
-    for slot in prange(out_depth.shape[0]):
+    # keys as above, changed -> the nearest of all parts: depth (ranks, N, n * n) f32, ids (ranks, N, n * n) u32
+    rays, last = out_depth.shape[2], keys.shape[1] - 1
+    for slot in prange(out_depth.shape[1]):
         for ray in range(rays):
             at = np.int64(slot) * rays + ray
-            best = keys[0, 0, at]
             for part in range(1, keys.shape[0]):
-                best = min(best, keys[part, 0, at])
-            out_depth[slot, ray] = np.int32(best >> 32).view(np.float32)
-            out_ids[slot, ray] = best & 0xFFFFFFFF
+                for rank in range(keys.shape[1]):
+                    if keys[part, rank, at] < keys[0, last, at]:
+                        insert_hit(keys[part, rank, at], keys, 0, at)
+            for rank in range(keys.shape[1]):
+                out_depth[rank, slot, ray] = np.int32(keys[0, rank, at] >> 32).view(np.float32)
+                out_ids[rank, slot, ray] = keys[0, rank, at] & 0xFFFFFFFF
 
 
 @kernel

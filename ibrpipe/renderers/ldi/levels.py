@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.core.ldi.mix import mix_levels
+from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.renderers.scene import Hits, Scene, shade_hits
 from ibrpipe.renderers.search.epipolar_lines import cast_map
 from ibrpipe.renderers.search.projection import project_behind
@@ -39,16 +40,32 @@ def levels_behind(scene: Scene, camera: Camera, nearest: Level) -> list[Level]:
         return []
     floors = (nearest.depth.view(np.int32).astype(np.int64) << 32) | nearest.ids
     depths, ids = project_behind(scene, camera, np.where(through > LEAST, floors, _CLOSED).ravel(), MOST)
-    found, solid = list[Level](), _heights(scene, camera)
-    for level in range(MOST):
-        depth, own = depths[level], ids[level]
-        if solid is not None:  # what height fields hide is not seen; they cover all
-            nearer = (through > 0) & (solid.depth <= depth) & (solid.depth > nearest.depth)
-            depth, own = np.where(nearer, solid.depth, depth), np.where(nearer, solid.ids, own)
-        depth = np.where(through > LEAST, depth, np.float32(np.inf))
-        if not np.isfinite(depth).any():
+    solid = _heights(scene, camera)
+    if solid is not None:  # what height fields hide is not seen; they cover all
+        for level in range(MOST):
+            nearer = (through > LEAST) & (solid.depth <= depths[level]) & (solid.depth > nearest.depth)
+            depths[level][nearer], ids[level][nearer] = solid.depth[nearer], solid.ids[nearer]
+    return shade_levels(scene, camera, depths, ids, through)
+
+
+def shade_levels(
+    scene: Scene, camera: Camera, depths: Array, ids: Array, through: Array, grid: PixelGrid | None = None
+) -> list[Level]:
+    """Shade hits (L, H, W) one behind another as far as light comes through those before; at least the first.
+
+    Parameters
+    ----------
+    through : (H, W) float32
+        Light that comes through what is before the first.
+    grid : PixelGrid, optional
+        Where rays pass through the picture, as for `shade_hits`.
+    """
+    found = list[Level]()
+    for level, own in zip(depths, ids, strict=True):
+        depth = np.where(through > LEAST, level, np.float32(np.inf))
+        if found and not np.isfinite(depth).any():
             break
-        color, known = shade_hits(scene, Hits(depth, own), camera)
+        color, known = shade_hits(scene, Hits(depth, own), camera, grid)
         found.append(Level(depth, own, color, known))
         through = np.where(known > 0, through * (1.0 - known), np.float32(0.0))
     return found

@@ -70,9 +70,7 @@ def traces_edges(scene: Scene, camera: Camera, options: LdiOptions) -> bool:
 
 
 def draw_adaptive(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: LdiOptions) -> Frame:
-    """Render one frame with several rays through pixels that show an edge; coverage of samples needs none."""
-    if scene.soft:
-        return draw(scene, camera, outputs, options)
+    """Render one frame with several rays through pixels that show an edge."""
     frame = draw(scene, camera, ("color", "depth", "alpha"), options)
     color, depth, known = frame.color, frame.depth, frame.alpha
     assert color is not None
@@ -81,11 +79,12 @@ def draw_adaptive(scene: Scene, camera: Camera, outputs: tuple[str, ...], option
     began, stats = perf_counter(), dict(frame.stats)
     with limited_threads(options.threads):
         edges = trace_edges(scene, camera, depth, known)
-        if edges is not None:
+        for edge in edges:
             for component in scene.components if options.residuals else ():
-                component.add(edges)
+                component.add(edge)
+        if edges:
             draw_means(edges, color, known)
-    stats["edge_pixels"] = 0 if edges is None else len(edges.depth)
+    stats["edge_pixels"] = len(edges[0].depth) if edges else 0
     stats["milliseconds"] += 1e3 * (perf_counter() - began)
     return make_frame(outputs, depth, color, known, stats)
 

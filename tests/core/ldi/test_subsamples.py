@@ -9,7 +9,7 @@ from small_fields import CAMERAS, layers
 
 from ibrpipe.core.ldi import project, subsamples
 from ibrpipe.renderers.scene import prepare
-from ibrpipe.renderers.search.projection import patch_views
+from ibrpipe.renderers.search.projection import patch_views, project_behind
 from ibrpipe.renderers.search.projection import project as project_picture
 
 VIEWS = ["front", "low", "within"]
@@ -40,14 +40,20 @@ def test_asked_pixels_are_numbered_row_by_row():
 
 
 def searched(scene, camera, asked, side, parts):
+    depth, ids = all_searched(scene, camera, asked, side, parts, 1)
+    return depth[0], ids[0]
+
+
+def all_searched(scene, camera, asked, side, parts, ranks):
     slots, tiles, rows = numbered(asked)
     offsets = (np.arange(side) + 0.5) / side
-    keys, blocks = np.empty((parts, 1, len(rows) * side**2), np.int64), scene.blocks
+    keys, blocks = np.empty((parts, ranks, len(rows) * side**2), np.int64), scene.blocks
     subsamples.search_subsamples(
         blocks.patches, blocks.blocks, blocks.bounds, patch_views(scene, camera), (camera.width, camera.height),
         (slots, tiles, offsets), keys,
     )  # fmt: skip
-    depth, ids = np.empty((len(rows), side**2), np.float32), np.empty((len(rows), side**2), np.uint32)
+    size = ranks, len(rows), side**2
+    depth, ids = np.empty(size, np.float32), np.empty(size, np.uint32)
     subsamples.merge_subsamples(keys, depth, ids)
     return depth, ids
 
@@ -67,6 +73,19 @@ def test_rays_hit_what_pixels_of_their_size_hit(view, side):
     assert same.mean() > 0.995  # rays along a patch's border may meet its neighbour
     np.testing.assert_allclose(depth[same], wanted[same], rtol=2e-6)
     assert np.isfinite(depth).sum() > 10
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_hits_behind_one_another_are_those_of_whole_pictures(view):
+    scene, camera = prepare((layers((20, 26), seed=5), layers(seed=9))), CAMERAS[view]
+    asked = (np.random.default_rng(2).random((camera.height, camera.width)) < 0.4).astype(np.uint8)
+    depths, ids = on_all_thread_counts(lambda: all_searched(scene, camera, asked, 1, 2, 3))
+    floors = np.full(camera.width * camera.height, -1, np.int64)
+    wanted, numbers = project_behind(scene, camera, floors, 3)
+    same = ids[:, :, 0] == numbers[:, asked > 0]
+    assert same[np.isfinite(depths[:, :, 0])].mean() > 0.99
+    np.testing.assert_allclose(depths[:, :, 0][same], wanted[:, asked > 0][same], rtol=2e-6)
+    assert np.isfinite(depths[1]).any()
 
 
 def test_without_patches_nothing_is_hit():
