@@ -135,3 +135,22 @@ def test_threads_and_searches_change_no_byte():
     for name in ("color", "alpha", "depth"):
         assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
     np.testing.assert_allclose(one.alpha, three.alpha, atol=1e-4)
+
+
+def test_edges_are_means_of_rays_that_each_see_past_rims():
+    """Against whole pictures of nine rays a pixel, whose rays pass through the same places."""
+    half = sheets([RED, GREEN, BLUE], [1, 4, 8], [0.25, 0.5, 1.0])
+    keep = np.arange(len(half.depth)) // 3 % 12 < 6  # the left half of it, before a ground that shows all around
+    counts = np.where(np.arange(12) < 6, 3, 0)[None].repeat(12, axis=0)
+    left = LayeredDepthImage(
+        half.frame, offsets_of(counts), half.depth[keep], half.color[keep], half.normal[keep], None, half.coverage[keep]
+    )
+    camera = ibrpipe.Camera.look_at((6, 6, 40), (6, 6, 0), up=(0, 1, 0), fov_y_deg=17, width=37, height=31)
+    adaptive, nine, one = (ibrpipe.render(left, camera, samples=samples) for samples in ("adaptive", 9, 1))
+    edges = np.abs(adaptive.alpha - one.alpha) > 1e-3
+    assert adaptive.stats["edge_pixels"] >= edges.sum() > 40
+    np.testing.assert_allclose(adaptive.alpha[edges], nine.alpha[edges], atol=0.12)  # places are rounded to 64ths
+    assert np.abs(adaptive.alpha[edges] - nine.alpha[edges]).mean() < 0.01
+    covered = edges & (nine.alpha > 0.2)
+    np.testing.assert_allclose(adaptive.color[covered], nine.color[covered], atol=0.05)
+    np.testing.assert_array_equal(adaptive.depth, one.depth)
