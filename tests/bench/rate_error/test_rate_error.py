@@ -53,7 +53,9 @@ def test_points_and_page(run: Path, tmp_path: Path) -> None:
     assert counts == {"raw": 1, "diffuse": counts["diffuse"], "paper": 2, "lumigraph": 1}
     assert counts["diffuse"] >= 8
     assert sum("texels joined" in point.label for point in by_series["diffuse"]) >= 3
-    diffuse = by_series["diffuse"]
+    joined = [point for point in by_series["diffuse"] if "texels joined" in point.label]
+    assert min(point.bytes for point in joined) < 0.3 * by_series["raw"][0].bytes
+    diffuse = [point for point in by_series["diffuse"] if point not in joined]
     sizes = [point.bytes for point in diffuse]
     assert sizes[0] == max(sizes)
     assert sizes[-1] == min(sizes) < 0.5 * by_series["raw"][0].bytes
