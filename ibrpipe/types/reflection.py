@@ -90,6 +90,10 @@ class Reflection(ViewDependence):
             raise ValueRangeError("weights hold negative, NaN or infinite numbers; repair them")
         object.__setattr__(self, "weights", weights)
 
+    def of_samples(self, kept: Array) -> Reflection:
+        """Return the reflection of layers of which only the samples `kept`, (S,) bool, are left."""
+        return self if self.weights is None else Reflection(self.light, self.weights[kept])
+
     @property
     def shared(self) -> ReflectedLight:
         """The tables."""

@@ -25,7 +25,8 @@ NEVER = (
 )  # fmt: skip
 BOUNDS = {
     ("epipolar", "search"): ("Exact", 0, True, None), ("ldi", "residuals"): (2, -1, 0.5, None),
-    ("ldi", "search"): ("best", 1, None),
+    ("ldi", "search"): ("best", 1, None), ("epipolar", "residuals"): (2, "yes?", None),
+    ("splat", "residuals"): (-1, 0.5, None),
     ("hierarchical", "mode"): ("images", True, None), ("hierarchical", "near"): (-1e-9, True, "0.5", None),
     ("hierarchical", "pixel_error"): (0.0, 0.0999, 16.1, True, "1", None),
     ("prewarp", "depth_bits"): (0, 16, 31.5, "8", True, None),

@@ -30,10 +30,9 @@ def spiral_cells(
         wanted = expected(texture, camera)
         for setting in settings:
             spots = [Spot(case, setting.label, dtype, bits) for bits in depths]
-            if not shows_view_dependence(setting.renderer):
-                cells += [
-                    plain_cell(spot, "not applicable", message="shows no view-dependent colour") for spot in spots
-                ]
+            if not shows_view_dependence(setting.renderer) or setting.first_layer:
+                reason = "shows no view-dependent colour, or that of samples beside the hit"
+                cells += [plain_cell(spot, "not applicable", message=reason) for spot in spots]
                 continue
             for spot in spots:
                 if spot.bits == 32:

@@ -19,7 +19,7 @@ class EpipolarRenderer(Renderer["Maps", EpipolarOptions]):
     name = "epipolar"
     summary = "Inverse warp along whole epipolar lines, exact or with nearest or interpolated reference samples."
     paper = "schaufler1999"
-    limits = "Pinhole cameras; view-independent colour; nearest and linear searches use the first layer."
+    limits = "Pinhole cameras; nearest and linear searches use the first layer."
     accepts = (ReliefTexture, DepthImage, LayeredDepthImage, SpiralTexture, Texture, Asset)
     Options = EpipolarOptions
 

@@ -14,6 +14,7 @@ Search = Literal["exact", "nearest", "linear"]
 class EpipolarOptions(RendererOptions):
     """What an epipolar line meets."""
 
+    residuals: bool = Field(default=True, strict=False, description="Add view dependence where a texture has it")
     search: Search = Field(
         default="exact",
         description="What a line meets: the exact surface, nearest samples as published, or interpolated ones",

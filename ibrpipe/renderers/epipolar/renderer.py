@@ -6,7 +6,7 @@ hit, the searches and the departures from the paper stand in ``docs/renderers/ep
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.renderers.buffers import borrow
+from ibrpipe.renderers.epipolar.components import NOTHING, add_components, number_samples
 from ibrpipe.renderers.epipolar.options import EpipolarOptions, Search
 from ibrpipe.renderers.epipolar.samples import Raster, build_raster, cast_raster, shade_raster
 from ibrpipe.renderers.fields import Field, PatchField
@@ -23,6 +24,7 @@ from ibrpipe.renderers.scene import prepare as prepare_scene
 from ibrpipe.renderers.search.epipolar_lines import EYE, Map, cast_map, patch_map
 from ibrpipe.types import Array, Camera, Frame, LayeredDepthImage, Texture
 from ibrpipe.types.layers import opaque
+from ibrpipe.types.reflection import Reflection
 from ibrpipe.types.renderable import GridSource
 
 
@@ -42,6 +44,23 @@ class Maps:
         bases = np.cumsum([0] + [raster.depth.size for raster in made])
         return tuple((int(base), raster) for base, raster in zip(bases, made, strict=False))
 
+    @cached_property
+    def patches(self) -> Array:
+        """(N + 1,) uint32: a patch of every sample that the sampled searches number, then that of nothing."""
+        numbers = [*(n for n, _ in self.scene.patches), *(n for n, _, _ in self.scene.heights)]
+        firsts = [*self.scene.firsts[:-1], *(first for _, _, first in self.scene.heights)]
+        fields: list[Field] = [field for _, field in self.scene.patches]
+        fields += [field for _, field, _ in self.scene.heights]
+        found = [
+            number_samples(field, int(first), self.textures[n], raster.depth.size)
+            for field, first, n, (_, raster) in zip(fields, firsts, numbers, self.rasters, strict=True)
+        ]
+        return np.concatenate([*found, np.array([NOTHING], np.uint32)])
+
+    def patch_hits(self, hits: Hits) -> Hits:
+        """Return hits of samples as hits of patches."""
+        return Hits(hits.depth, self.patches[np.minimum(hits.ids, len(self.patches) - 1)])
+
     @property
     def bytes(self) -> int:
         """Bytes held beyond the sources."""
@@ -50,11 +69,22 @@ class Maps:
 
 def prepare(textures: tuple[GridSource, ...]) -> Maps:
     """Build the fields of all textures and the bounds of their blocks."""
-    layered = tuple(texture.layers if isinstance(texture, Texture) else texture for texture in textures)
-    plain = tuple(opaque(each) if isinstance(each, LayeredDepthImage) else each for each in layered)
-    scene = prepare_scene(plain)
+    solid = tuple(_solid(texture) for texture in textures)
+    plain = tuple(texture.layers if isinstance(texture, Texture) else texture for texture in solid)
+    scene = prepare_scene(solid)
     patched = [patch_map(field, int(n)) for (_, field), n in zip(scene.patches, scene.firsts, strict=False)]
     return Maps(scene, (*(one for one in patched if one is not None), *scene.maps), plain)
+
+
+def _solid(source: GridSource) -> GridSource:
+    """Return a source whose samples fill their texels."""
+    if isinstance(source, LayeredDepthImage):
+        return opaque(source)
+    if isinstance(source, Texture) and source.layers.coverage is not None:
+        kept = source.layers.coverage >= 0.5
+        parts = tuple(part.of_samples(kept) if isinstance(part, Reflection) else part for part in source.components)
+        return replace(source, layers=opaque(source.layers), components=parts)
+    return source
 
 
 def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], options: EpipolarOptions) -> Frame:
@@ -67,6 +97,9 @@ def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], options: Epipolar
         if {"color", "alpha"} & set(outputs):
             color, known = _shade(maps, hits, camera, options.search)
             stats["hits"] = int(np.count_nonzero(known))
+            if options.residuals and "color" in outputs and maps.scene.components:
+                met = hits if options.search == "exact" else maps.patch_hits(hits)
+                stats.update(add_components(maps.scene, camera, met, color, known))
     stats["milliseconds"] = 1e3 * (perf_counter() - began)
     return make_frame(outputs, hits.depth, color, known, stats)
 

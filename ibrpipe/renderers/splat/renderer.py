@@ -7,12 +7,14 @@ is sampled too sparsely, on surfaces turned away from it, holes and steps remain
 from __future__ import annotations
 
 from time import perf_counter
+from typing import Any
 
 import numba
 import numpy as np
 
 from ibrpipe.core import splat
 from ibrpipe.core.ldi.project_heights import merge
+from ibrpipe.renderers.epipolar.components import add_components
 from ibrpipe.renderers.epipolar.renderer import Maps
 from ibrpipe.renderers.epipolar.samples import shade_raster
 from ibrpipe.renderers.frames import limited_threads, make_frame
@@ -24,6 +26,7 @@ from ibrpipe.types import Camera, Frame
 def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], options: SplatOptions) -> Frame:
     """Render one frame; see `ibrpipe.render`."""
     began = perf_counter()
+    stats: dict[str, Any] = {}
     with limited_threads(options.threads):
         hits = _splat(maps, camera, float(options.footprint))
         color, known = None, None
@@ -31,7 +34,9 @@ def draw(maps: Maps, camera: Camera, outputs: tuple[str, ...], options: SplatOpt
             color, known = np.zeros((*hits.depth.shape, 3), np.float32), np.zeros(hits.depth.shape, np.float32)
             for base, raster in maps.rasters:
                 shade_raster(raster, camera, "nearest", base, hits, color, known)
-    stats = {"milliseconds": 1e3 * (perf_counter() - began), "hits": int(np.isfinite(hits.depth).sum())}
+            if options.residuals and "color" in outputs and maps.scene.components:
+                stats.update(add_components(maps.scene, camera, maps.patch_hits(hits), color, known))
+    stats.update({"milliseconds": 1e3 * (perf_counter() - began), "hits": int(np.isfinite(hits.depth).sum())})
     return make_frame(outputs, hits.depth, color, known, stats)
 
 

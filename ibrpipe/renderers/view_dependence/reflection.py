@@ -14,6 +14,7 @@ from ibrpipe.core.reflection.directions import pad
 from ibrpipe.core.reflection.model import CHANNELS, predict
 from ibrpipe.core.reflection.picture import ROWS, draw_gloss
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
 from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.view_dependence.component import Picture
@@ -23,6 +24,23 @@ from ibrpipe.types.reflection import ReflectedLight, Reflection
 
 #: mirrored light of the object itself is cut here
 BRIGHTEST = 1.5
+
+#: what a second process compiles at the first call
+BACKGROUND = BackgroundCompile(
+    (
+        Kernel(
+            "reflection.picture", "draw_gloss",
+            "(Tuple((float32[:,::1], uint32[:,::1], float32[:,::1])), float32[:,:,::1], "
+            "Tuple((float64[:,::1], float64[::1], float64[:,::1], float64[:,::1])), "
+            "Tuple((int32[:,::1], float32[:,::1], float32[:,::1], float32[:,::1], boolean[::1])), "
+            "Tuple((float32[:,:,::1], float64[::1])), "
+            "Tuple((float64[::1], int32[:,:,::1], uint8[:,:,:,::1], float64[:,::1], int64[::1], int32[:,::1], "
+            "int32[:,::1])), Tuple((float64[:,:,::1], float32[:,::1], uint8[::1])), float64[::1], int64[::1], "
+            "int64[:,::1])",
+        ),
+        Kernel("reflection.voxels", "measure_free", "(int32[:,:,::1], float64[:,::1], uint8[:,:,:,::1])"),
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +134,7 @@ class Tables:
     def of(self, scene: Scene) -> Mirrors:
         """Return what pictures of `scene` need, made with the first of them."""
         if scene not in self.made:
+            BACKGROUND.wait()
             self.made[scene] = _mirrors(self, scene)
         return self.made[scene]
 
@@ -188,6 +207,7 @@ class ReflectionDrawer:
         for part, each in zip(components, normals, strict=True):
             if part is not None and part.weights is not None and (each is None or len(part.weights) != len(each)):
                 raise RendererError(f"a reflection weighs {len(part.weights)} samples, but its texture has others")
+        BACKGROUND.begin()
         return Tables(next(iter(lights.values())), components, normals)
 
     def add(self, tables: Tables, picture: Picture) -> Mapping[str, int]:

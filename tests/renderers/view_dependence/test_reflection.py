@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 
+import numba
 import numpy as np
 import pytest
 from kernel_runs import on_all_thread_counts
+from numba.core.sigutils import normalize_signature
 
 import ibrpipe
 from ibrpipe.errors import RendererError
@@ -15,7 +18,7 @@ from ibrpipe.renderers.ldi.renderer import find_hits, shade_hits
 from ibrpipe.renderers.scene import prepare
 from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.renderers.view_dependence.mirror import LIFT, cast, look, make_surface, meet_surface
-from ibrpipe.renderers.view_dependence.reflection import Model, look_through, shade_looks
+from ibrpipe.renderers.view_dependence.reflection import BACKGROUND, Model, look_through, shade_looks
 from ibrpipe.types import ReflectedLight, Reflection
 
 SIDE, SKY = 40, 0.25
@@ -182,3 +185,54 @@ def test_textures_of_different_assets_are_refused():
     wrong = replace(part, weights=np.ones((3, 1)))
     with pytest.raises(RendererError, match="samples"):
         ibrpipe.prepare(ibrpipe.Texture(one.textures[0].layers, (wrong,)), "ldi")
+
+
+def test_epipolar_draws_what_ldi_draws():
+    wanted = ibrpipe.render(room(), CAMERA)
+    frame = ibrpipe.render(room(), CAMERA, "epipolar")
+    same = np.isfinite(wanted.depth) & np.isclose(frame.depth, wanted.depth, rtol=1e-5)
+    assert same.mean() > 0.99 * np.isfinite(wanted.depth).mean()
+    assert (np.abs(frame.color - wanted.color)[same].max(axis=-1) < 1e-3).mean() > 0.99
+    plain = ibrpipe.render(room(weights=(None, None)), CAMERA, "epipolar")
+    np.testing.assert_array_equal(ibrpipe.render(room(), CAMERA, "epipolar", residuals=False).color, plain.color)
+    assert np.abs(frame.color - plain.color).max() > 0.1
+    assert frame.stats["reflecting"] == wanted.stats["reflecting"]
+
+
+@pytest.mark.parametrize(
+    ("renderer", "options"),
+    [("splat", {"footprint": 2.0}), ("epipolar", {"search": "nearest"}), ("epipolar", {"search": "linear"})],
+)
+def test_samples_mirror_as_the_surface_does(renderer, options):
+    exact = ibrpipe.render(room(), CAMERA)
+
+    def draw():
+        frame = ibrpipe.render(room(), CAMERA, renderer, **options)
+        return frame.color, frame.depth
+
+    color, depth = on_all_thread_counts(draw)
+    points = CAMERA.center + exact.depth[..., None] * CAMERA.pixel_rays()
+    on_floor = np.isfinite(depth) & (np.abs(points[..., 2]) < 1e-4) & (points[..., 0] < 0.9)
+    error = np.abs(color - exact.color).max(axis=-1)[on_floor]
+    assert on_floor.sum() > 800
+    assert np.median(error) < 0.02  # a texel of the wall's paint is 0.015
+    assert (error < 0.05).mean() > 0.9
+
+
+@pytest.mark.parametrize("renderer", ["epipolar", "splat"])
+def test_a_reflection_of_soft_samples_loses_those_that_are_dropped(renderer):
+    asset, rng = room(), np.random.default_rng(4)
+    floor = asset.textures[0]
+    coverage = np.where(rng.random(SIDE * SIDE) < 0.2, 0.25, 1.0).astype(np.float32)
+    soft = replace(floor, layers=replace(floor.layers, coverage=coverage))
+    frame = ibrpipe.render([soft, asset.textures[1]], CAMERA, renderer)
+    assert frame.stats["reflecting"] > 300
+    assert np.isfinite(frame.color).all()
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_what_a_second_process_compiles_is_what_a_frame_calls():
+    ibrpipe.render(room(), CAMERA)
+    for kernel in BACKGROUND.kernels:
+        called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
+        assert normalize_signature(kernel.types)[0] in called, kernel.name
