@@ -137,7 +137,13 @@ def bowl():
 DOWN = ibrpipe.Camera.look_at((0.9, 0.4, 2.2), (0.0, 0.0, 0.3), width=64, height=48)
 
 
-@pytest.mark.parametrize(("asset", "camera"), [(room(), CAMERA), (bowl(), DOWN)], ids=["room", "bowl"])
+#: a tenth of a degree to two degrees above the floor
+LOW = ibrpipe.Camera.look_at((-1.2, 0.5, 0.02), (1.0, 0.5, 0.0), fov_y_deg=3.0, width=96, height=64)
+
+
+@pytest.mark.parametrize(
+    ("asset", "camera"), [(room(), CAMERA), (bowl(), DOWN), (room(), LOW)], ids=["room", "bowl", "grazing"]
+)
 def test_a_picture_shows_what_looks_at_its_pixels_show(asset, camera):
     scene = prepare(asset.textures)
     (component,), hits = scene.components, find_hits(scene, camera)
@@ -236,3 +242,18 @@ def test_what_a_second_process_compiles_is_what_a_frame_calls():
     for kernel in BACKGROUND.kernels:
         called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
         assert normalize_signature(kernel.types)[0] in called, kernel.name
+
+
+def test_float32_frames_cameras_and_tables_change_little():
+    exact, rounded = room(), []
+    for texture in exact.textures:
+        frame = texture.layers.frame
+        parts = [part.astype(np.float32) for part in (frame.origin, frame.a, frame.b, frame.f)]
+        rounded.append(replace(texture, layers=replace(texture.layers, frame=ibrpipe.ParallelFrame(*parts))))
+    camera = ibrpipe.Camera(
+        CAMERA.K.astype(np.float32), CAMERA.cam_from_world.astype(np.float32), CAMERA.width, CAMERA.height
+    )
+    wanted, found = ibrpipe.render(exact, CAMERA), ibrpipe.render(rounded, camera)
+    error = np.abs(wanted.color - found.color).max(axis=-1)
+    assert (error > 1e-4).mean() < 0.005  # rays along borders
+    assert abs(wanted.stats["met"] - found.stats["met"]) < 10
