@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from ibrpipe.cli.bench.antialiasing import command as antialiasing_command
 from ibrpipe.cli.bench.forest import command as forest_command
 from ibrpipe.cli.figures import facts_table, print_table
 from ibrpipe.cli.options import PATH, example, json_option
@@ -29,6 +30,7 @@ def command() -> None:
 
 
 command.add_command(forest_command)
+command.add_command(antialiasing_command)
 
 
 @command.command(
