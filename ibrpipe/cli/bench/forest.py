@@ -25,8 +25,20 @@ from ibrpipe.cli.show import display
 )
 @click.option("--seed", type=click.IntRange(0), default=5, show_default=True, help="Of the trees and their places.")
 @click.option("--repeats", type=click.IntRange(1), default=5, show_default=True, help="Turns; the least time counts.")
+@click.option(
+    "--directions", type=click.IntRange(1, 4096), help="Views of a part; 6 = those of the paper. As usual if not given."
+)
+@click.option("--slab-texels", type=click.FloatRange(0.5, 64), help="Thickness of slabs. As usual if not given.")
 @click.option("--json", "file", type=PATH, metavar="FILE", help="Write the figures here.")
-def command(trees: str, views: str, seed: int, repeats: int, file: Path | None) -> None:
+def command(
+    trees: str,
+    views: str,
+    seed: int,
+    repeats: int,
+    directions: int | None,
+    slab_texels: float | None,
+    file: Path | None,
+) -> None:
     """Draw forests with the renderer hierarchical and with Embree's instances, in turn, and compare at equal error.
 
     The peer is the library inside the wheel embreex (pip install ibrpipe[peers]); without it, rows say so. Truth is the
@@ -36,9 +48,12 @@ def command(trees: str, views: str, seed: int, repeats: int, file: Path | None) 
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait must not spin: CPU time is measured
     from ibrpipe.bench.forest.run import run_forest
     from ibrpipe.io.manifest import write_json
+    from ibrpipe.renderers.hierarchical.prefiltering import Slicing
 
+    given = {"directions": directions, "slab_texels": slab_texels}
+    slicing = Slicing(**{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
     with display():
-        model = run_forest(_numbers(trees), _names(views), seed, repeats)
+        model = run_forest(_numbers(trees), _names(views), seed, repeats, slicing=slicing)
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_json(file, model.model_dump(mode="json"))

@@ -101,10 +101,11 @@ def add_sample(corners, colors, normal, axes, per_unit, half, i, j, samples):
 
 
 @kernel
-def prefilter(corners, colors, normals, axes, radius, rays, scale, overlap, out, heights):
+def prefilter(corners, colors, normals, axes, radius, rays, scale, overlap, out, heights, tops):
     # corners, colors (F, 3, 3) f32, corners from the centre of the sphere; normals (F, 3) f32 unit; axes (D, 3, 3) f64
     # rows a, b, d; rays = q; scale: 1 / greatest albedo; overlap: share of a slab that the slab in front holds, too
-    # out (D, K, R, R, 12) u8, rows along b; heights (D, K) f32: mean along d of what the slab holds, NaN = nothing
+    # out (D, K, R, R, 12) u8, rows along b; heights (D, K) f32: mean along d of what the slab holds, NaN = nothing;
+    # tops (D, K, R, R) f32: the same of every texel, or empty where that is not asked for
     slabs, resolution = out.shape[1], out.shape[2]
     size = resolution * rays
     half = 0.5 * size
@@ -120,7 +121,7 @@ def prefilter(corners, colors, normals, axes, radius, rays, scale, overlap, out,
             for v in range(resolution):
                 for u in range(resolution):
                     sums[:] = 0.0
-                    count = 0
+                    count, before = 0, total
                     for j in range(v * rays, (v + 1) * rays):
                         for i in range(u * rays, (u + 1) * rays):
                             f = face[k, j, i]
@@ -133,6 +134,8 @@ def prefilter(corners, colors, normals, axes, radius, rays, scale, overlap, out,
                     weight += count
                     if count > 0:
                         mean_texel(sums, count, rays * rays, scale, out[direction, k, v, u])
+                        if tops.size > 0:
+                            tops[direction, k, v, u] = (total - before) / count / per_unit
             heights[direction, k] = total / weight / per_unit if weight > 0 else np.nan
 
 

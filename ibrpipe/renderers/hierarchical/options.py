@@ -8,7 +8,7 @@ from pydantic import Field
 
 from ibrpipe.renderers.renderer import RendererOptions
 
-Mode = Literal["slices", "polygons"]
+Mode = Literal["slices", "reproject", "polygons"]
 
 
 class HierarchicalOptions(RendererOptions):
@@ -19,7 +19,7 @@ class HierarchicalOptions(RendererOptions):
     )
     mode: Mode = Field(
         default="slices",
-        description="`slices` draws parts from prefiltered slices where they suffice; `polygons` draws polygons only",
+        description="Parts from prefiltered slices; from samples of six views, as published; or polygons only",
     )
     near: float = Field(
         default=0.0, ge=0, description="Nearest depth that is drawn, scene units; 0 = a millionth of the scene's radius"

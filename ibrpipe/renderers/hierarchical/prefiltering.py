@@ -81,6 +81,13 @@ def bounding_sphere(corners: Array) -> Array:
     return np.append(center, np.linalg.norm(points - center, axis=1).max() * (1 + 1e-6))
 
 
+def face_normals_of(corners: Array) -> Array:
+    """Unit normals (F, 3) float32 of triangles given by (F, 3, 3) corners; 0 where they have no area."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return (normals / np.where(lengths > 0, lengths, 1.0)).astype(np.float32)
+
+
 def _slice_node(
     corners: Array,
     paints: Array,
@@ -92,9 +99,7 @@ def _slice_node(
     part: int,
 ) -> tuple[Array, list[_Stacks]]:
     sphere = bounding_sphere(corners)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = (normals / np.where(lengths > 0, lengths, 1.0)).astype(np.float32)
+    normals, tops = face_normals_of(corners), np.empty((0, 0, 0, 0), np.float32)
     local, paints = (corners - sphere[:3]).astype(np.float32), np.ascontiguousarray(paints, np.float32)
     found = []
     for resolution in resolutions:
@@ -102,7 +107,7 @@ def _slice_node(
         rays = slicing.rays if resolution > 8 else 2 * slicing.rays
         dense = np.zeros((len(axes), slabs, resolution, resolution, kernels.TEXEL), np.uint8)
         heights = np.empty((len(axes), slabs), np.float32)
-        kernels.prefilter(local, paints, normals, axes, sphere[3], rays, 1.0 / scale, overlap, dense, heights)
+        kernels.prefilter(local, paints, normals, axes, sphere[3], rays, 1.0 / scale, overlap, dense, heights, tops)
         boxes = np.empty((len(axes), slabs, 4), np.int32)
         kernels.trim(dense, boxes)
         sizes = boxes[..., 2].astype(np.int64) * boxes[..., 3]

@@ -14,8 +14,10 @@ from ibrpipe.renderers.hierarchical import drawing
 from ibrpipe.renderers.hierarchical.guide import Guide, build_guide
 from ibrpipe.renderers.hierarchical.nodes import Nodes, scene_nodes
 from ibrpipe.renderers.hierarchical.options import HierarchicalOptions
+from ibrpipe.renderers.hierarchical.orthogonal_views import RESOLUTION, OrthogonalViews, orthogonal_views
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing
 from ibrpipe.renderers.hierarchical.prerendering import prerender_all
+from ibrpipe.renderers.hierarchical.reprojection import reproject, without_slices
 from ibrpipe.renderers.hierarchical.selection import select
 from ibrpipe.renderers.hierarchical.shaded import ShadedSlices
 from ibrpipe.renderers.hierarchical.view import view_of
@@ -60,6 +62,19 @@ class HierarchicalData:
         """The guide of a walk that takes everything apart."""
         return replace(self.guide, kinds=self.guide.kinds * (0, 1))
 
+    @cached_property
+    def views(self) -> OrthogonalViews:
+        """Six views of every part, for the published method."""
+        return orthogonal_views(self.nodes, self.library)
+
+    @cached_property
+    def published(self) -> Guide:
+        """The guide of a walk that knows one resolution of every part."""
+        kinds = self.guide.kinds.copy()
+        return replace(
+            self.guide, kinds=kinds, costs=np.zeros_like(self.guide.costs[:, :1]), resolutions=np.array([RESOLUTION])
+        )
+
     @property
     def radius(self) -> float:
         """Radius of the scene."""
@@ -94,13 +109,18 @@ def draw(data: HierarchicalData, camera: Camera, outputs: tuple[str, ...], optio
     """Render one frame; see `ibrpipe.render`."""
     began = perf_counter()
     view = view_of(camera, data.lighting, options.near or 1e-6 * data.radius)
-    guide = data.guide if options.mode == "slices" else data.polygons_only
+    guide = {"slices": data.guide, "reproject": data.published, "polygons": data.polygons_only}[options.mode]
     with limited_threads(options.threads):
         start = np.array([data.nodes.root], np.int32)
         chosen = select(data.nodes, guide, start, view.pose.reshape(1, 12), view.limits(options.pixel_error))
-        slices = drawing.place(data.library, data.shaded, guide.rows, chosen, view)
+        published = options.mode == "reproject"
+        shown = without_slices(chosen) if published else chosen
+        slices = drawing.place(data.library, data.shaded, guide.rows, shown, view)
         faces = drawing.set_up(data.nodes, guide.spheres, chosen, view)
-        color, alpha, depth = drawing.draw(slices, faces, data.shaded.texels, view, "depth" in outputs)
+        picture = drawing.draw(slices, faces, data.shaded.texels, view, published or "depth" in outputs)
+        if published:
+            reproject(data.library, data.views, guide.rows, chosen, view, picture)
+        color, alpha, depth = picture
     stats = {
         "milliseconds": 1e3 * (perf_counter() - began),
         "parts": len(chosen.slice_nodes),

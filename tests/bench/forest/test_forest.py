@@ -66,15 +66,35 @@ def test_without_the_peer_the_row_says_so(monkeypatch):
 
 
 def test_the_command_writes_its_figures(tmp_path, monkeypatch):
-    monkeypatch.setattr(run, "Slicing", lambda: Slicing(12, 6.0, 2, 8))
+    made, prerender_all = [], run.prerender_all
+    monkeypatch.setattr(
+        run, "prerender_all", lambda nodes, slicing: made.append(slicing) or prerender_all(nodes, slicing)
+    )
     file = tmp_path / "made" / "forest.json"
     result = CliRunner().invoke(
-        cli, ["bench", "forest", "--trees", "2", "--views", "far", "--repeats", "1", "--json", str(file)]
+        cli,
+        [
+            "bench",
+            "forest",
+            "--trees",
+            "2",
+            "--views",
+            "far",
+            "--repeats",
+            "1",
+            "--directions",
+            "6",
+            "--slab-texels",
+            "3",
+            "--json",
+            str(file),
+        ],
     )
     assert result.exit_code == 0, result.output
     (row,) = json.loads(file.read_text())["rows"]
     assert row["trees"] == 2
     assert "2 trees, far" in result.output
+    assert made == [Slicing(directions=6, slab_texels=3.0)]
 
 
 @pytest.mark.parametrize(

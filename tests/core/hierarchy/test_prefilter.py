@@ -7,6 +7,8 @@ import pytest
 
 from ibrpipe.core.hierarchy import prefilter
 
+NO_TOPS = np.empty((0, 0, 0, 0), np.float32)
+
 
 def soup(count, seed=0):
     rng = np.random.default_rng(seed)
@@ -79,7 +81,9 @@ def test_texels_equal_the_rays_average(overlap):
     corners, paints, normals = soup(16)
     axes = np.stack([axes_of((0.3, -0.5, 0.8)), axes_of((1, 0, 0))])
     dense, heights = np.zeros((2, 2, 4, 4, 12), np.uint8), np.empty((2, 2), np.float32)
-    prefilter.prefilter(corners, paints, normals, axes, 1.8, 3, 1.0, overlap, dense, heights)
+    tops = np.full((2, 2, 4, 4), np.nan, np.float32)
+    prefilter.prefilter(corners, paints, normals, axes, 1.8, 3, 1.0, overlap, dense, heights, tops)
+    np.testing.assert_array_equal(np.isfinite(tops), dense[..., 0] > 0)
     for d in range(2):
         cover, moments, depth = twin(corners, paints, normals, axes[d], 1.8, 3, 2, 4, overlap)
         np.testing.assert_allclose(dense[d, ..., 0] / 255, cover, atol=0.51 / 255)
@@ -107,7 +111,7 @@ def test_overlapping_slabs_of_a_wall_hide_what_is_behind():
         dense, heights = np.zeros((1, 2, 7, 7, 12), np.uint8), np.empty((1, 2), np.float32)
         prefilter.prefilter(
             square.astype(np.float32), np.ones((2, 3, 3), np.float32), normal.astype(np.float32), np.eye(3)[None], 0.7,
-            4, 1.0, overlap, dense, heights,
+            4, 1.0, overlap, dense, heights, NO_TOPS,
         )  # fmt: skip
         inner = dense[0, :, 2:5, 2:5, 0] / 255.0
         leak[overlap] = float(((1 - inner[0]) * (1 - inner[1])).max())
@@ -124,7 +128,7 @@ def test_a_wire_thinner_than_a_texel_covers_its_share():
         dense, heights = np.zeros((1, 1, 8, 8, 12), np.uint8), np.empty((1, 1), np.float32)
         normals = np.tile(np.array([0, 0, 1], np.float32), (2, 1))
         prefilter.prefilter(
-            corners, np.ones((2, 3, 3), np.float32), normals, np.eye(3)[None], 1.0, 8, 1.0, False, dense, heights
+            corners, np.ones((2, 3, 3), np.float32), normals, np.eye(3)[None], 1.0, 8, 1.0, 0.0, dense, heights, NO_TOPS
         )
         wanted = 2 * 2 * half / 4 * 64
         assert abs(dense[0, 0, ..., 0].sum() / 255 - wanted) < 0.35 * wanted

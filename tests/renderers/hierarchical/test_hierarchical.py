@@ -57,6 +57,19 @@ def test_threads_change_no_byte(trees, view):
         assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
 
 
+@pytest.mark.parametrize("view", ["far", "near"])
+def test_the_published_method_shows_the_same_forest(trees, view):
+    camera = forest_cameras(40, 200, 150)[view]
+    frame = ibrpipe.render(trees, camera, "hierarchical", mode="reproject", pixel_error=1.0)
+    again = ibrpipe.render(trees, camera, "hierarchical", mode="reproject", pixel_error=1.0, threads=1)
+    exact = ibrpipe.render(trees, camera, "hierarchical", mode="polygons")
+    assert frame.stats["slices"] == 0
+    assert frame.stats["parts"] > 30
+    assert frame.color.tobytes() == again.color.tobytes()
+    assert psnr(over(frame), over(exact)) > {"far": 22, "near": 16}[view]
+    assert ((frame.alpha > 0) == np.isfinite(frame.depth)).all()
+
+
 def test_a_finer_error_draws_more(trees):
     camera = forest_cameras(40, 200, 150)["far"]
     fine, coarse = (ibrpipe.render(trees, camera, "hierarchical", pixel_error=e) for e in (0.5, 4.0))
