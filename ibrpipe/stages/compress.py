@@ -130,7 +130,7 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
     with TemporaryDirectory(prefix="ibrpipe-") as scratch:
         for factor in _factors(config):
             folder = Path(scratch) / str(factor)
-            source = first if factor == 1 else Source(folder, *write_coarser(first.asset, factor, folder))
+            source = first if factor == 1 else write_coarser(first, factor, folder)
             coder = Coder(source, fit.psnr, inputs.out)
             step, why, found, parts = _choose(coder, fit, config, _rounded(before))
             if found:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -97,9 +98,8 @@ def _codings(source: Path, scratch: Path, train: Sequence[View]) -> Iterator[tup
     for n, step in enumerate([CodingStep(), *steps]):
         yield name, _words(step), _written(whole, scratch / f"whole_{n}", step)
     for factor in _JOINED:
-        folder = scratch / f"joined_{factor}"
-        index, asset = write_coarser(whole.asset, factor, folder)
-        joined = Source(folder, _untold(index), asset)
+        joined = write_coarser(whole, factor, scratch / f"joined_{factor}")
+        joined = replace(joined, index=_untold(joined.index))
         for n, step in enumerate(_steps(joined, train, 3)[1:]):
             words = f"{factor} x {factor} texels joined, {_words(step)}"
             yield name, words, _written(joined, scratch / f"joined_{factor}_{n}", step)

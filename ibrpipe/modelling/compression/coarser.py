@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ibrpipe.io.assets import AssetIndex, read_asset, read_index, write_asset
+from ibrpipe.io.assets import read_asset, read_index, write_asset, write_index
+from ibrpipe.modelling.compression.parts import Source
 from ibrpipe.types import Array, Asset, Camera, LayeredDepthImage, ParallelFrame, Reflection, Texture, ViewDependence
 from ibrpipe.types.layers import offsets_of
 
@@ -24,10 +26,17 @@ def coarser(asset: Asset, factor: int) -> Asset:
     return Asset(tuple(_texture(texture, factor) for texture in asset.textures), asset.info)
 
 
-def write_coarser(asset: Asset, factor: int, folder: Path) -> tuple[AssetIndex, Asset]:
-    """Write the asset in coarser texels into `folder`; return it as read."""
-    write_asset(coarser(asset, factor), folder)
-    return read_index(folder), read_asset(folder)
+def write_coarser(source: Source, factor: int, folder: Path) -> Source:
+    """Write the asset in coarser texels into `folder`, what components share as it is, and return it."""
+    write_asset(coarser(source.asset, factor), folder)
+    index = read_index(folder)
+    for path in (path for shared in index.shared for path in shared.paths):
+        (folder / path).unlink()
+    for path in (path for shared in source.index.shared for path in shared.paths):
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source.folder / path, folder / path)
+    write_index(index.model_copy(update={"shared": source.index.shared}), folder)
+    return Source(folder, read_index(folder), read_asset(folder))
 
 
 def _texture(texture: Texture, factor: int) -> Texture:

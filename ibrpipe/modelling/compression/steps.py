@@ -55,7 +55,7 @@ LADDERS: Mapping[str, tuple[Level, ...]] = {
 #: levels that are coded and measured; what lies between and beyond is told by them
 ANCHORS: Mapping[str, tuple[int, ...]] = {
     "color": (9, 15),
-    "depth": (3, 5),
+    "depth": (3, 4, 5),
     "normal": (7,),
     "weights": (6,),
     "components": (4, 8),

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ibrpipe.modelling.compression.coarser import coarser, joined
+from ibrpipe.io.assets import read_asset, read_index, write_asset
+from ibrpipe.modelling.compression.coarser import coarser, joined, write_coarser
+from ibrpipe.modelling.compression.parts import Source
 from ibrpipe.types import Asset, Camera, LayeredDepthImage, ParallelFrame, ReflectedLight, Reflection, Texture
 from ibrpipe.types.layers import offsets_of
 
@@ -72,6 +74,18 @@ def test_weights_go_along() -> None:
     (texture,) = coarser(Asset((Texture(fine, (Reflection(light, weights),)),)), 2).textures
     wanted = weights.reshape(2, 2, 2, 2, 2).mean(axis=(1, 3)).reshape(4, 2)
     np.testing.assert_allclose(texture.component("reflection").weights, wanted, rtol=1e-6)
+
+
+def test_what_is_shared_keeps_its_file(tmp_path) -> None:
+    light = ReflectedLight(np.random.default_rng(1).random((1, 16, 16, 3)), (0.04,))
+    asset = Asset((Texture(plane(), (Reflection(light, None),)),))
+    write_asset(asset, tmp_path / "fine", quality=60)
+    fine = Source(tmp_path / "fine", read_index(tmp_path / "fine"), read_asset(tmp_path / "fine"))
+    coarse = write_coarser(fine, 2, tmp_path / "coarse")
+    assert coarse.asset.textures[0].layers.shape == (7, 9)
+    name = "reflection_0.webp"
+    assert (tmp_path / "coarse" / name).read_bytes() == (tmp_path / "fine" / name).read_bytes()
+    np.testing.assert_array_equal(coarse.asset.shared["reflection"].tables, fine.asset.shared["reflection"].tables)
 
 
 def test_nothing_stays_nothing() -> None:
