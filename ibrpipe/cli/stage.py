@@ -41,7 +41,7 @@ def stage_command(stage: Stage, stages: Sequence[Stage] | None = None) -> click.
 
     def callback(**values: Any) -> None:
         ctx = click.get_current_context()
-        config = _config(stage, given(ctx, lambda name: name in stage.config.model_fields))
+        config = stage_config(stage, given(ctx, lambda name: name in stage.config.model_fields))
         manifest = _run(stage, everyone, config, values)
         if values["as_json"]:
             click.echo(json.dumps(manifest.model_dump(mode="json"), indent=2))
@@ -65,7 +65,8 @@ def _input_params(stage: Stage, known: Mapping[str, Source]) -> list[click.Param
     return params
 
 
-def _config(stage: Stage, values: dict[str, Any]) -> Any:
+def stage_config(stage: Stage, values: dict[str, Any]) -> Any:
+    """Return the settings of a stage that were given as options; a wrong one is a wrong call."""
     places: dict[Key, str] = {(name,): f"--{name.replace('_', '-')}" for name in values}
     try:
         return validated(stage.config, Settings(values, {(): "settings"} | places))

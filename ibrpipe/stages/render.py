@@ -13,18 +13,19 @@ from pydantic import Field, field_validator
 
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
-from ibrpipe.errors import ShapeError
+from ibrpipe.errors import ConfigError, ShapeError
 from ibrpipe.io.assets import read_asset
 from ibrpipe.io.documents.frames import Frames, RenderedFrame
 from ibrpipe.io.frames import frame_entry, write_frame, write_frames
-from ibrpipe.io.paths import OWN_PATHS, CameraPath, camera_path, is_orbit, parse_orbit
+from ibrpipe.io.paths import OWN_PATHS, CameraPath, camera_path, is_orbit, orbit, parse_orbit, read_path
 from ibrpipe.io.video import write_video
 from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.registry import shows_view_dependence
 from ibrpipe.renderers.renderer_spec import Choice, choose, with_samples
-from ibrpipe.types import Array, Asset, Camera
+from ibrpipe.types import Array, Asset, Camera, Part, Scene
+from ibrpipe.types.prerendered import PrerenderedScene
 from ibrpipe.types.relief_mesh import ReliefMesh
 
 Output = Literal["color", "depth", "alpha"]
@@ -117,26 +118,59 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
     asset = read_asset(inputs.asset)
     views = read_views(inputs.views) if inputs.views else ViewSet((), ())
     path = camera_path(config.path, asset, views)
+    outputs = _render_with_all(asset, path, inputs.out, config)
+    if config.path == "test" and views.train and not views.test:
+        text = f"no photo is held out: the frames show {len(path)} of the {len(views.train)} photos' own views"
+        (inputs.out / "summary.txt").write_text(text + "\n", encoding="utf-8")
+    return outputs
+
+
+def render_scene(source: Scene | PrerenderedScene, out: Path, config: RenderConfig) -> Outputs:
+    """Render a scene along an orbit or the cameras of a file; as `run` else.
+
+    An orbit goes round what the scene's root holds copies of, not round its own meshes (ground), if it holds any.
+    """
+    scene = source.scene if isinstance(source, PrerenderedScene) else source
+    if is_orbit(config.path):
+        path = orbit(parse_orbit(config.path), _shown_bounds(scene))
+    elif config.path in OWN_PATHS:
+        raise ConfigError(f"a scene has no photos, so no path {config.path!r}; give orbit, a folder or a file")
+    else:
+        path = read_path(Path(config.path))
+    return _render_with_all(source, path, out, config)
+
+
+def _shown_bounds(scene: Scene) -> tuple[Array, Array]:
+    root = scene.parts[scene.root]
+    inner = Part(root.name, (), root.sources, root.children)
+    bounds = Scene([*(part for part in scene.parts.values() if part is not root), inner], root.name).bounds[root.name]
+    bounds = scene.bounds[scene.root] if bounds.empty else bounds
+    if bounds.empty:
+        raise ConfigError("the scene is empty, so there is nothing to look at; give its parts meshes")
+    return bounds.low, bounds.high
+
+
+def _render_with_all(
+    source: Asset | Scene | PrerenderedScene, path: CameraPath, out: Path, config: RenderConfig
+) -> Outputs:
+    """Render a path with every renderer asked for; write frames, their list and videos."""
     path = tuple((name, _sized(camera, config.width, config.height)) for name, camera in path)
     frames: list[RenderedFrame] = []
     videos: dict[str, str] = {}
     for renderer in config.renderers:
         choice = choose(renderer)
-        folder = inputs.out / choice.folder
+        folder = out / choice.folder
         folder.mkdir(parents=True, exist_ok=True)
-        frames += _render_all(asset, path, choice, folder, config)
+        frames += _render_all(source, path, choice, folder, config)
         if config.video and "color" in config.outputs:
             videos[renderer] = f"{choice.folder}/{choice.folder}.mp4"
-            pictures = [inputs.out / frame.png for frame in frames if frame.renderer == renderer and frame.png]
-            write_video(inputs.out / videos[renderer], pictures, config.fps)
-    outputs = Outputs.below(inputs.out)
+            pictures = [out / frame.png for frame in frames if frame.renderer == renderer and frame.png]
+            write_video(out / videos[renderer], pictures, config.fps)
+    outputs = Outputs.below(out)
     document = Frames(
         path=config.path, renderers=list(config.renderers), samples=config.samples, videos=videos, frames=frames
     )
     write_frames(outputs.frames_document, document)
-    if config.path == "test" and views.train and not views.test:
-        text = f"no photo is held out: the frames show {len(path)} of the {len(views.train)} photos' own views"
-        (inputs.out / "summary.txt").write_text(text + "\n", encoding="utf-8")
     return outputs
 
 
@@ -149,11 +183,11 @@ def _sized(camera: Camera, width: int | None, height: int | None) -> Camera:
 
 
 def _render_all(
-    asset: Asset, path: CameraPath, choice: Choice, folder: Path, config: RenderConfig
+    source: Asset | Scene | PrerenderedScene, path: CameraPath, choice: Choice, folder: Path, config: RenderConfig
 ) -> list[RenderedFrame]:
     """Render and write all frames of one renderer; return their entries of frames.json."""
     renderer = choice.name
-    prepared = prepare(asset, renderer)
+    prepared = prepare(source, renderer)
     options = ({"residuals": config.residuals} if shows_view_dependence(renderer) else {}) | dict(
         with_samples(choice, config.samples).options
     )

@@ -9,6 +9,9 @@ from click.testing import CliRunner
 
 import ibrpipe
 from ibrpipe.cli.main import cli
+from ibrpipe.errors import ConfigError
+from ibrpipe.io.photos.images import read_image
+from ibrpipe.stages.render import _shown_bounds
 from ibrpipe.synthetic.instanced.forest import forest
 
 
@@ -52,3 +55,49 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path):
     assert result.exit_code == 1
     assert "holds files but no scene that ibrpipe wrote" in result.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["note.txt"]
+
+
+def test_a_scene_is_prerendered_and_rendered_along_an_orbit(tmp_path):
+    call("synth", "solids", tmp_path / "scene")
+    slicing = ("--directions", 6, "--finest", 4, "--rays", 1)
+    made = call("prerender", tmp_path / "scene", "--out", tmp_path / "slices", *slicing)
+    assert made.exit_code == 0, made.output
+    assert "1 parts from 6 directions" in made.stdout
+    path = ("--path", "orbit:frames=2,width=48,height=36", "--repeats", 1)
+    shown = call("render", "--scene", tmp_path / "scene", "--slices", tmp_path / "slices", *path, "--out", tmp_path)
+    assert shown.exit_code == 0, shown.output
+    assert "2 frames of hierarchical" in shown.stdout
+    frames = json.loads((tmp_path / "render" / "frames.json").read_text())
+    assert [frame["width"] for frame in frames["frames"]] == [48, 48]
+    assert (frames["samples"], frames["path"]) == (1, path[1])
+    pixels = read_image(tmp_path / "render" / frames["frames"][0]["file"])
+    assert 0.03 < pixels[..., 3].mean() < 0.3
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "message"),
+    [
+        (["--slices", "x"], 2, "--slices are those of a scene; give --scene, too"),
+        (["--scene", "scene", "--path", "test"], 1, "a scene has no photos, so no path 'test'; give orbit"),
+        (["--scene", "scene", "--path", "orbit:frame=2"], 2, "'frame=2' is not understood"),
+        (["--scene", "none"], 1, "there is no such scene"),
+        (
+            ["--scene", "scene", "--slices", "none"],
+            1,
+            "prerendered.json: does not exist",
+        ),
+        (["--scene", "scene", "--renderers", "ldi"], 1, "renderer 'ldi' cannot take a Scene"),
+    ],
+)
+def test_wrong_calls_of_render_with_scenes_are_told(args, code, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    call("synth", "solids", "scene")
+    result = call("render", *args, "--out", "out")
+    assert (result.exit_code, message in result.stderr) == (code, True), result.output
+
+
+def test_an_orbit_goes_round_the_copies_and_not_the_ground():
+    low, high = _shown_bounds(forest(4))
+    assert max(abs(low[0]), high[0]) < 20 < forest(4).bounds["forest"].high[0]
+    with pytest.raises(ConfigError, match="the scene is empty"):
+        _shown_bounds(ibrpipe.Scene([ibrpipe.Part("a")], "a"))

@@ -1,0 +1,79 @@
+"""``ibrpipe render``: the stage, and scenes, which no run makes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ibrpipe.cli.options import PATH, example, given
+from ibrpipe.cli.show import display
+from ibrpipe.cli.stage import stage_command, stage_config
+from ibrpipe.stages.registry import load_stage
+
+_STAGE = load_stage("render")
+#: settings of scenes where they are not given: nothing was photographed, and pictures are filtered already
+_USUAL = {"renderers": ["hierarchical"], "path": "orbit", "samples": 1}
+
+_asset_command = stage_command(_STAGE)
+
+
+def _callback(scene: Path | None, slices: Path | None, **values: Any) -> None:
+    if scene is None:
+        if slices is not None:
+            raise click.UsageError("--slices are those of a scene; give --scene, too")
+        assert _asset_command.callback is not None
+        _asset_command.callback(**values)
+        return
+    asked = given(click.get_current_context(), lambda name: name in _STAGE.config.model_fields)
+    config = stage_config(_STAGE, {**_USUAL, **asked})
+    frames = _render(scene, slices, values["out"] / _STAGE.folder, config, values["workers"])
+    if values["as_json"]:
+        click.echo(json.dumps(frames.model_dump(mode="json"), indent=2))
+        return
+    for renderer in frames.renderers:
+        times = sorted(frame.ms for frame in frames.frames if frame.renderer == renderer)
+        click.echo(
+            f"{values['out'] / _STAGE.folder}: {len(times)} frames of {renderer}, {times[len(times) // 2]:.1f} ms"
+        )
+
+
+def _render(scene: Path, slices: Path | None, out: Path, config: Any, workers: int) -> Any:
+    from ibrpipe.io.documents.frames import Frames
+    from ibrpipe.io.prerendered import read_prerendered
+    from ibrpipe.io.scenes import read_scene
+    from ibrpipe.renderers.frames import limited_threads
+    from ibrpipe.stages.render import render_scene
+    from ibrpipe.types.prerendered import PrerenderedScene
+
+    with display() as shown, limited_threads(workers):
+        shown.say(f"reading {scene}")
+        whole = read_scene(scene)
+        if slices is None:
+            shown.say("slicing parts; ibrpipe prerender keeps them")
+        source = whole if slices is None else PrerenderedScene(whole, read_prerendered(slices))
+        written = render_scene(source, out, config)
+    return Frames.read(written.frames_document, "is no list of frames", "render")
+
+
+command = click.Command(
+    _asset_command.name,
+    callback=_callback,
+    params=[
+        click.Option(
+            ["--scene"], type=PATH, metavar="PATH", help="Scene instead of an asset: a folder, .glb or .gltf."
+        ),
+        click.Option(
+            ["--slices"], type=PATH, metavar="DIR", help="Scene: what ibrpipe prerender made; else made anew."
+        ),
+        *_asset_command.params,
+    ],
+    help=f"{_STAGE.summary}\n\nWith --scene, renders a scene; renderers, path and samples are then "
+    + ", ".join(str(value if not isinstance(value, list) else value[0]) for value in _USUAL.values())
+    + " unless given.",
+    epilog=example(
+        _STAGE.example, "ibrpipe render --scene scenes/forest --path orbit:frames=24,elevation=12 --out out"
+    ),
+)
