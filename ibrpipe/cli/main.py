@@ -33,7 +33,10 @@ TOOLS: Section = {
     ),
     "export": ("ibrpipe.cli.export:command", "Write an asset in a form that other programs open."),
     "inspect": ("ibrpipe.cli.inspect:command", "Say what a capture, a run, an asset or a scene holds."),
-    "prerender": ("ibrpipe.cli.prerender:command", "Make images of a scene's parts, for the renderer hierarchical."),
+    "prerender": (
+        "ibrpipe.cli.scenes.prerender:command",
+        "Make images of a scene's parts, for the renderer hierarchical.",
+    ),
     "relief": ("ibrpipe.cli.relief:command", "Make relief textures; map reliefs onto meshes."),
     "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of files on disk and of renderers' options."),
     "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth, or a scene of many copies."),
@@ -44,7 +47,7 @@ def sections() -> dict[str, Section]:
     """Return all commands under their headings."""
     stages = {name: (f"ibrpipe.cli.stage:{name}", entry.summary) for name, entry in registered().items()}
     if "render" in stages:
-        stages["render"] = ("ibrpipe.cli.render:command", stages["render"][1])
+        stages["render"] = ("ibrpipe.cli.scenes.render:command", stages["render"][1])
     return {"Whole jobs": JOBS, "Single stages": stages, "Tools": TOOLS}
 
 

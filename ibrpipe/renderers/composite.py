@@ -1,4 +1,4 @@
-"""Frames of several renderers in one picture: per pixel the nearest wins (policarpo2005, fig. 18)."""
+"""Frames of several renderers in one picture: by depth, front to back (porter1984; policarpo2005, fig. 18)."""
 
 from __future__ import annotations
 
@@ -7,16 +7,26 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrpipe.errors import RendererError, ShapeError
-from ibrpipe.types import Frame
+from ibrpipe.types import Array, Frame
 
 
 def composite(frames: Sequence[Frame]) -> Frame:
-    """Put frames of one camera together by depth; of equally near ones the first wins.
+    """Put frames of one camera together by depth; of equally near ones the first is in front.
+
+    A pixel that a frame covers in part lets what is behind show through by 1 - alpha. One that it does not cover at all
+    is as if it had not hit anything.
 
     Parameters
     ----------
     frames : sequence of Frame
-        Each with depth, and all with the same of colour and alpha.
+        Each with depth, and all with the same of colour (straight, not premultiplied) and alpha. Without alpha all
+        that is hit is opaque.
+
+    Returns
+    -------
+    Frame
+        Colour straight; alpha of all together; depth where half of the pixel is covered, that of the farthest frame in
+        it where less is.
 
     Raises
     ------
@@ -28,18 +38,42 @@ def composite(frames: Sequence[Frame]) -> Frame:
     depths = [frame.depth for frame in frames if frame.depth is not None]
     if len({depth.shape for depth in depths}) > 1:
         raise ShapeError(f"frames differ in size: {[depth.shape for depth in depths]}; use one camera")
-    nearest = np.argmin(np.stack(depths), axis=0)
-    parts: dict[str, np.ndarray | None] = {}
-    for name in ("color", "depth", "alpha"):
-        held = [getattr(frame, name) for frame in frames]
-        if any(each is None for each in held) and not all(each is None for each in held):
+    for name in ("color", "alpha"):
+        held = [getattr(frame, name) is None for frame in frames]
+        if any(held) and not all(held):
             raise RendererError(f"some frames hold {name} and some do not; ask for the same outputs")
-        parts[name] = None if held[0] is None else _picked(held, nearest)
-    return Frame(parts["color"], parts["depth"], parts["alpha"], {"frames": len(frames)})
+    depth = np.stack(depths)
+    cover = _cover(frames, depth)
+    order = np.argsort(np.where(cover > 0, depth, np.inf), axis=0, kind="stable")
+    cover, depth = (np.take_along_axis(each, order, axis=0) for each in (cover, depth))
+    through = np.cumprod(np.concatenate([np.ones_like(cover[:1]), 1.0 - cover]), axis=0)  # before every frame, and last
+    shown, total = through[:-1] * cover, 1.0 - through[-1]
+    color = None
+    if frames[0].color is not None:
+        each = np.take_along_axis(np.stack([frame.color for frame in frames]), order[..., None], axis=0)  # type: ignore[misc]
+        whole = (shown[..., None] * each).sum(axis=0)
+        color = np.divide(whole, total[..., None], out=np.zeros_like(whole), where=total[..., None] > 0)
+        color = np.where(cover[0][..., None] == 1.0, each[0], color)  # to the bit where one is opaque
+    return Frame(
+        None if color is None else color.astype(np.float32),
+        _depth(depth, shown, through[1:]),
+        None if frames[0].alpha is None else total.astype(np.float32),
+        {"frames": len(frames)},
+    )
 
 
-def _picked(held: Sequence[np.ndarray], nearest: np.ndarray) -> np.ndarray:
-    out = held[0].copy()
-    for number in range(1, len(held)):
-        out[nearest == number] = held[number][nearest == number]
-    return out
+def _cover(frames: Sequence[Frame], depth: Array) -> Array:
+    """Share (N, H, W) float64 of each pixel that frames cover; 0 where they hit nothing."""
+    if frames[0].alpha is None:
+        return np.isfinite(depth).astype(np.float64)
+    alpha = np.stack([frame.alpha for frame in frames]).astype(np.float64)  # type: ignore[misc]
+    return np.where(np.isfinite(depth), alpha, 0.0)
+
+
+def _depth(depth: Array, shown: Array, through: Array) -> Array:
+    """Depth (H, W) of the first frame by which half is covered, else of the last that covers anything."""
+    half = through <= 0.5
+    last = len(depth) - 1 - np.argmax(shown[::-1] > 0, axis=0)
+    at = np.where(half.any(axis=0), half.argmax(axis=0), last)
+    found = np.take_along_axis(depth, at[None], axis=0)[0]
+    return np.where((shown > 0).any(axis=0), found, np.inf).astype(np.float32)
