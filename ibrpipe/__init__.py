@@ -8,7 +8,7 @@ from ibrpipe.errors import IbrError
 from ibrpipe.version import VERSION as __version__
 
 if TYPE_CHECKING:
-    from ibrpipe.io.assets import read_asset, write_asset
+    from ibrpipe.io.assets import read_asset, read_textures, write_asset
     from ibrpipe.io.captures import read_capture
     from ibrpipe.io.scenes import read_scene, write_scene
     from ibrpipe.io.surfaces.materials import read_relief_mesh, read_relief_meshes
@@ -66,6 +66,7 @@ _HOME = {
     "read_relief_mesh": "io.surfaces.materials",
     "read_relief_meshes": "io.surfaces.materials",
     "read_scene": "io.scenes",
+    "read_textures": "io.assets",
     "render": "renderers.api",
     "write_asset": "io.assets",
     "write_scene": "io.scenes",
@@ -102,6 +103,7 @@ __all__ = [
     "read_relief_mesh",
     "read_relief_meshes",
     "read_scene",
+    "read_textures",
     "render",
     "renderers",
     "write_asset",

@@ -7,8 +7,10 @@ it does not know says which, instead of rendering something else.
 from __future__ import annotations
 
 import json
+import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path, PureWindowsPath
 from typing import Any, Literal
 
@@ -271,9 +273,41 @@ def read_asset(path: str | Path) -> Asset:
         A file is missing or damaged, or a component's kind is unknown.
     """
     index, folder = read_index(path), Path(path)
-    shared = {entry.kind: _known_files(folder, "the asset", entry).read_shared(entry, folder) for entry in index.shared}
-    textures = tuple(_read_texture(folder, entry, shared) for entry in index.textures)
+    shared = _read_shared(index, folder)
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        textures = tuple(pool.map(lambda entry: _read_texture(folder, entry, shared), index.textures))
     return Asset(textures, index.model_dump())
+
+
+def read_textures(path: str | Path, names: Sequence[str] | None = None) -> Iterator[Texture]:
+    """Read the textures of an asset folder one after another, so that a renderer can begin before all are decoded.
+
+    Parameters
+    ----------
+    path : path
+        Folder.
+    names : sequence of str, optional
+        Textures to read, in that order; left out = all, in the order of the asset.
+
+    Raises
+    ------
+    MissingFileError, FormatError
+        A file is missing or damaged, or a component's kind is unknown.
+    ValueRangeError
+        The asset has no texture of such a name.
+    """
+    index, folder = read_index(path), Path(path)
+    known = {entry.name: entry for entry in index.textures}
+    unknown = [name for name in names or () if name not in known]
+    if unknown:
+        raise ValueRangeError(f"{folder}: no texture is called {unknown[0]!r}; there are {', '.join(known)}")
+    shared = _read_shared(index, folder)
+    chosen = index.textures if names is None else [known[name] for name in names]
+    return (_read_texture(folder, entry, shared) for entry in chosen)
+
+
+def _read_shared(index: AssetIndex, folder: Path) -> dict[str, SharedData]:
+    return {entry.kind: _known_files(folder, "the asset", entry).read_shared(entry, folder) for entry in index.shared}
 
 
 def _read_texture(folder: Path, entry: TextureEntry, shared: Mapping[str, SharedData]) -> Texture:

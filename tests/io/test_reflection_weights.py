@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ibrpipe
-from ibrpipe.errors import FormatError, MissingFileError
+from ibrpipe.errors import FormatError, MissingFileError, ValueRangeError
 from ibrpipe.io.layer_pictures import Coding
 from ibrpipe.io.recoding import through_files
 from ibrpipe.types import LayeredDepthImage, ReflectedLight, Reflection
@@ -59,6 +59,20 @@ def test_assets_with_pictures_of_weights_are_read(tmp_path) -> None:
     np.testing.assert_allclose(
         ibrpipe.read_asset(tmp_path / "asset").textures[0].component("reflection").weights, before, atol=0.15
     )
+
+
+def test_textures_are_read_one_after_another(tmp_path) -> None:
+    asset(tmp_path / "asset")
+    whole = ibrpipe.read_asset(tmp_path / "asset")
+    (texture,) = ibrpipe.read_textures(tmp_path / "asset")
+    np.testing.assert_array_equal(texture.layers.color, whole.textures[0].layers.color)
+    np.testing.assert_array_equal(
+        texture.component("reflection").weights, whole.textures[0].component("reflection").weights
+    )
+    assert list(ibrpipe.read_textures(tmp_path / "asset", [])) == []
+    assert len(list(ibrpipe.read_textures(tmp_path / "asset", ["texture_00"]))) == 1
+    with pytest.raises(ValueRangeError, match="no texture is called 'roof'; there are texture_00"):
+        ibrpipe.read_textures(tmp_path / "asset", ["roof"])
 
 
 def test_damage_is_told(tmp_path) -> None:

@@ -47,6 +47,8 @@ _FRAMES, _READS = 5, 3
 _FITTED, _POINTS, _JOINED = 6, 9, (2, 4, 8)
 #: depth levels and words of gong-yang
 _LEVELS, _WORDS = 256, 256
+#: quality of colours whose chroma is halved: what halving alone loses is seen
+_HALVED = 96
 
 Draw = Callable[[Camera], Frame]
 
@@ -138,6 +140,7 @@ def paper_codings(asset: Asset) -> dict[str, Coding]:
     share = min(max([*shares, 1e-6]), 16.0)
     return {
         "8-bit depth": Coding(depth_step=share, normal_bits=8),
+        "8-bit depth, half chroma": Coding(color_quality=_HALVED, half_chroma=True, depth_step=share, normal_bits=8),
         "vector quantisation": Coding(depth_step=share, normal_bits=8, codewords=_WORDS),
     }
 

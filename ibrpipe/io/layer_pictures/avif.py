@@ -19,7 +19,7 @@ QUICK, THOROUGH = 6, 4
 _TUNED = {"tune": "psnr"}
 
 
-def encode_avif(picture: Array, quality: int, speed: int = QUICK) -> bytes:
+def encode_avif(picture: Array, quality: int, speed: int = QUICK, half_chroma: bool = False) -> bytes:
     """Return a picture (h, w) or (h, w, 3) uint8 as AVIF, the same bytes on any machine with the same libraries.
 
     Parameters
@@ -28,6 +28,8 @@ def encode_avif(picture: Array, quality: int, speed: int = QUICK) -> bytes:
         0 to 100.
     speed : int
         0 (thorough) to 10.
+    half_chroma : bool
+        Keep chroma at half the resolution.
 
     Raises
     ------
@@ -37,7 +39,7 @@ def encode_avif(picture: Array, quality: int, speed: int = QUICK) -> bytes:
     from PIL import Image
 
     buffer = io.BytesIO()
-    chroma = "4:0:0" if picture.ndim == 2 else "4:4:4"
+    chroma = "4:0:0" if picture.ndim == 2 else "4:2:0" if half_chroma else "4:4:4"
     options = {"quality": quality, "subsampling": chroma, "speed": speed, "max_threads": 1, "codec": "aom"}
     try:
         Image.fromarray(np.ascontiguousarray(picture)).save(buffer, "AVIF", **options, advanced=_TUNED)

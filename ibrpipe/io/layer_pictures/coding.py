@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
@@ -33,6 +33,9 @@ class Coding(Document):
         gt=0,
         le=180,
         description="Normals are had from depth where that is right within so many degrees; absent = nowhere",
+    )
+    half_chroma: Literal[True] | None = Field(
+        None, description="Chroma of the colours at half the resolution, AVIF only; absent = full"
     )
     codewords: int | None = Field(
         None,

@@ -60,7 +60,7 @@ def pack_color(color: Array, planes: Sequence[Plane], coding: Coding, parts: Par
         codes = np.round(255.0 * srgb_encode(color / np.float32(top))).astype(np.uint8)
     atlas = Atlas(planes)
     if quality is not None and quality <= BEST_AVIF and coding.codewords is None and atlas.fits:
-        parts["color.avif"] = encode_avif(atlas.spread(codes), quality, speed)
+        parts["color.avif"] = encode_avif(atlas.spread(codes), quality, speed, coding.half_chroma is True)
         return {"coding": "avif", "quality": quality, "top": top, "held": held}
     pictures = []
     for plane in planes:

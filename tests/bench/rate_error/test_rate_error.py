@@ -50,7 +50,7 @@ def test_points_and_page(run: Path, tmp_path: Path) -> None:
         name: [p for p in curve.points if p.series == name] for name in ("raw", "diffuse", "paper", "lumigraph")
     }
     counts = {name: len(points) for name, points in by_series.items()}
-    assert counts == {"raw": 1, "diffuse": counts["diffuse"], "paper": 2, "lumigraph": 1}
+    assert counts == {"raw": 1, "diffuse": counts["diffuse"], "paper": 3, "lumigraph": 1}
     assert counts["diffuse"] >= 8
     assert sum("texels joined" in point.label for point in by_series["diffuse"]) >= 3
     joined = [point for point in by_series["diffuse"] if "texels joined" in point.label]

@@ -143,6 +143,19 @@ def test_light_above_one_survives(tmp_path):
     assert back.color.max() > 2
 
 
+def test_half_chroma_takes_less_and_errs_more(tmp_path):
+    rng, layers = np.random.default_rng(6), smooth_layers()
+    layers = replace(layers, color=srgb_decode(rng.random((len(layers.depth), 3))).astype(np.float32))
+    sizes, errors = [], []
+    for half in (None, True):
+        coding = Coding(color_quality=90, half_chroma=half)
+        back = through(layers, tmp_path, coding)
+        sizes.append((tmp_path / NAME).stat().st_size)
+        errors.append(float(((srgb_encode(back.color) - srgb_encode(layers.color)) ** 2).mean()))
+    assert sizes[1] < 0.8 * sizes[0]
+    assert errors[1] > 2 * errors[0]
+
+
 @pytest.mark.parametrize("coding", [LOSSY, PICTURED])
 def test_unknown_normals_and_observers_stay_unknown(tmp_path, coding):
     layers = random_layers()
