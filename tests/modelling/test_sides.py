@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from ibrpipe.capture.photo_set import load_photos
+from ibrpipe.capture.photo_set import PhotoSet, load_photos
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.surfaces.meshes import write_mesh
@@ -16,8 +16,8 @@ from ibrpipe.stages import layers as layers_stage
 from ibrpipe.stages import plan as plan_stage
 from ibrpipe.synthetic.scene import joined_mesh
 from ibrpipe.synthetic.scenes import make_scene
-from ibrpipe.synthetic.surfaces import wound
-from ibrpipe.types import Mesh
+from ibrpipe.synthetic.surfaces import ball, lobed_ball, wound
+from ibrpipe.types import Camera, Mesh
 
 WINDINGS = ("consistent", "inverted", "mixed")
 
@@ -158,3 +158,38 @@ def test_photos_load_with_a_caster_of_sides(plant, measured):
     views = read_views(measured("foliage").folder / "views.json").train[:2]
     both = load_photos(views, MeshCaster(mesh, two_sided=leaf))
     np.testing.assert_array_equal(both.depth, photos.depth[: len(both.depth)])
+
+
+def photos_from(directions, mesh, size=48):
+    """Photos of nothing in particular, without masks, from directions around a mesh about the origin."""
+    cameras = tuple(Camera.look_at(4 * np.array(d, float), (0, 0, 0), (0, 0.1, 1), 40, size, size) for d in directions)
+    count, caster = size * size, MeshCaster(mesh)
+    return PhotoSet(
+        cameras, np.stack([c.pixel_from_world for c in cameras]), np.stack([c.center for c in cameras]),
+        np.full((len(cameras), 2), size, np.int32), np.arange(len(cameras) + 1) * count,
+        np.zeros((count * len(cameras), 3), np.float32),
+        np.concatenate([caster.cast_camera(camera).t.ravel() for camera in cameras]),
+        np.ones(count * len(cameras), np.float32),
+    )  # fmt: skip
+
+
+ABOVE, BELOW = [(1, 0, 1.5), (-1, 0.5, 1.5), (0, -1, 2)], [(1, 0, -1.2), (-1, 0.5, -1), (0.2, -1, -1)]
+
+
+@pytest.mark.parametrize("winding", WINDINGS)
+def test_open_shells_have_the_sides_that_photos_see(winding):
+    """A bowl without a wall's thickness, open above, as a reconstruction may leave it."""
+    whole = ball(lobed_ball(1.0, 1, 0.0, 1.0), 24, 16).mesh
+    lower = whole.vertices[whole.faces].mean(axis=1)[:, 2] < 0
+    bowl = remade(Mesh(whole.vertices, whole.faces[lower]), winding)
+    sides, told = find_sides(bowl, photos_from(ABOVE + BELOW, bowl))
+    assert sides.both.all()
+    assert told["measured"]["both_sides_share"] == 1.0
+    sides, _ = find_sides(bowl, photos_from([(0.3, -0.1, -1), (-0.2, 0.2, -1)], bowl))
+    assert not sides.both.any()
+    faces = np.where(sides.turned[:, None], bowl.faces[:, ::-1], bowl.faces)
+    np.testing.assert_array_equal(faces, whole.faces[lower])
+    sides, _ = find_sides(bowl, photos_from([(0.1, 0, 1)], bowl))
+    assert not sides.both.any()
+    faces = np.where(sides.turned[:, None], bowl.faces[:, ::-1], bowl.faces)
+    np.testing.assert_array_equal(faces, whole.faces[lower][:, ::-1])
