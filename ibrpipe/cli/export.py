@@ -7,22 +7,29 @@ from pathlib import Path
 import click
 
 from ibrpipe.cli.options import PATH, example
+from ibrpipe.errors import ConfigError
 from ibrpipe.export.registry import exporter_for, known_exporters
 
 
-@click.command(name="export", epilog=example("ibrpipe export out out/deep --format deep-exr"))
+@click.command(name="export", epilog=example("ibrpipe export out page.html"))
 @click.argument("source", metavar="RUN|ASSET", type=PATH)
 @click.argument("target", metavar="TARGET", type=PATH)
 @click.option(
     "--format", "form", metavar="NAME", help=f"{', '.join(known_exporters())}; by itself where TARGET's ending says it."
 )
-def command(source: Path, target: Path, form: str | None) -> None:
+@click.option("--notes", metavar="FILE", type=PATH, help="page: YAML file with title, credit, licence, annotations.")
+def command(source: Path, target: Path, form: str | None, notes: Path | None) -> None:
     """Write the asset of a run folder, or an asset folder, to TARGET in another form.
+
+    page: one web page, TARGET.html, that shows the asset from all sides in any browser.
 
     deep-exr: an asset folder whose layers are deep OpenEXR, which deep-aware compositors open.
     """
-    exporter_for(target, form).write(asset_folder(source), target)
-    click.echo(f"{target}: {form or target.suffix} of {source}")
+    exporter = exporter_for(target, form)
+    if notes is not None and not exporter.takes_notes:
+        raise ConfigError(f"--notes {notes}: the form {exporter.name} has no place for notes; leave it out")
+    exporter.write(asset_folder(source), target, *([] if notes is None else [notes]))
+    click.echo(f"{target}: {exporter.name} of {source}")
 
 
 def asset_folder(path: Path) -> Path:

@@ -33,12 +33,15 @@ class Exporter:
         all.
     suffixes : tuple of str
         Endings of files by which the form is chosen, such as ``.glb``; empty = it is a folder.
+    takes_notes : bool
+        `write` takes a third argument: a YAML file of words to go with the asset.
     """
 
     name: str
     summary: str
-    write: Callable[[Path, Path], None]
+    write: Callable[..., None]
     suffixes: tuple[str, ...] = ()
+    takes_notes: bool = False
 
 
 _known: dict[str, str | Exporter] = {}
@@ -60,6 +63,7 @@ def register(name: str, exporter: str | Exporter) -> None:
 
 
 register("deep-exr", "ibrpipe.export.deep_exr:EXPORTER")
+register("page", "ibrpipe.export.page.exporter:EXPORTER")
 
 
 def known_exporters() -> tuple[str, ...]:

@@ -1,0 +1,1 @@
+"""Assets as one self-contained web page: samples, patches and view dependence packed for the scripts that draw them."""
