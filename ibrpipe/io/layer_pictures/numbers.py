@@ -1,4 +1,4 @@
-"""Whole numbers of all samples as few bytes: foretold along the pictures, bytes of one rank together, zlib."""
+"""Whole numbers of all samples as few bytes: foretold along the pictures, bytes of one rank together, zlib or LZMA."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ import numpy as np
 
 from ibrpipe.core.coding import prediction
 from ibrpipe.errors import FormatError
-from ibrpipe.io.layer_pictures.bounded import inflate
+from ibrpipe.io.layer_pictures.bounded import inflate, squeeze, unsqueeze
 from ibrpipe.io.layer_pictures.planes import Plane
 from ibrpipe.types import Array
 
 #: the first two bytes say how samples are foretold and how many bytes each takes
 _HEAD = 2
+#: added to the first where they are packed by LZMA
+_SQUEEZED = 2
 
 
 def pack_numbers(values: Array, planes: Sequence[Plane]) -> bytes:
@@ -32,7 +34,11 @@ def _packed(values: Array, planes: Sequence[Plane], predictor: int) -> bytes:
         start += len(plane.samples)
     ranks = max(1, -(-int(folded.max(initial=0)).bit_length() // 8))
     split = folded.astype("<u8").view(np.uint8).reshape(-1, 8)[:, :ranks]
-    return bytes([predictor, ranks]) + zlib.compress(np.ascontiguousarray(split.T).tobytes(), 9)
+    data = np.ascontiguousarray(split.T).tobytes()
+    deflated, squeezed = zlib.compress(data, 9), squeeze(data)
+    if len(squeezed) < len(deflated):
+        return bytes([predictor + _SQUEEZED, ranks]) + squeezed
+    return bytes([predictor, ranks]) + deflated
 
 
 def unpack_numbers(data: bytes, planes: Sequence[Plane]) -> Array:
@@ -44,11 +50,12 @@ def unpack_numbers(data: bytes, planes: Sequence[Plane]) -> Array:
         There are not as many as the planes have samples.
     """
     count = sum(len(plane.samples) for plane in planes)
-    predictor, ranks = (data[0], data[1]) if len(data) > _HEAD else (-1, 0)
+    first, ranks = (data[0], data[1]) if len(data) > _HEAD else (255, 0)
+    predictor, unpack = (first, inflate) if first < _SQUEEZED else (first - _SQUEEZED, unsqueeze)
     if predictor not in (prediction.PLANE, prediction.MEDIAN) or not 1 <= ranks <= 6:
-        raise FormatError(f"numbers are packed with predictor {predictor} and {ranks} bytes each, which is unknown")
+        raise FormatError(f"numbers are packed with predictor {first} and {ranks} bytes each, which is unknown")
     split = np.zeros((count, 8), np.uint8)
-    split[:, :ranks] = np.frombuffer(inflate(data[_HEAD:], count * ranks), np.uint8).reshape(ranks, count).T
+    split[:, :ranks] = np.frombuffer(unpack(data[_HEAD:], count * ranks), np.uint8).reshape(ranks, count).T
     folded = split.view("<u8").ravel().astype(np.uint64)
     values = np.zeros(count, np.int64)
     start = 0
