@@ -40,6 +40,7 @@ TOOLS: Section = {
     "relief": ("ibrpipe.cli.relief:command", "Make relief textures; map reliefs onto meshes."),
     "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of files on disk and of renderers' options."),
     "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth, or a scene of many copies."),
+    "view": ("ibrpipe.cli.view:command", "Show an asset in the browser, from all sides."),
 }
 
 

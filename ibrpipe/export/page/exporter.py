@@ -46,9 +46,7 @@ def write(source: Path, target: Path, notes: Path | None = None) -> None:
     ResourceError
         The page cannot be written.
     """
-    words = PageNotes() if notes is None else read_notes(notes)
-    views = source.parent / "ingest/views.json"
-    text = make_page(read_asset(source), words, name_of(source), views if views.is_file() else None)
+    text = page_of(source, notes)
     draft = target.with_name(f".{target.name}.partial")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -62,6 +60,13 @@ def write(source: Path, target: Path, notes: Path | None = None) -> None:
         size = f"{len(text) / 1e6:.0f} MB"
         remedy = "lower plan.oversampling, raise compress.loss_db"
         logger.warning(f"{target} takes {size}, which phones may refuse: {remedy}")
+
+
+def page_of(source: Path, notes: Path | None = None) -> str:
+    """Return the page of the asset in folder `source`; raises as `write` does of what it reads."""
+    words = PageNotes() if notes is None else read_notes(notes)
+    views = source.parent / "ingest/views.json"
+    return make_page(read_asset(source), words, name_of(source), views if views.is_file() else None)
 
 
 def name_of(source: Path) -> str:
