@@ -47,6 +47,8 @@ class Document(BaseModel):
             It holds something else; the message names the first place that is wrong.
         """
         try:
+            if path.exists() and not path.is_file():
+                raise FormatError(f"{path}: {wrong} (no file); run the {stage} stage again")
             return cls.model_validate_json(path.read_bytes())
         except FileNotFoundError as error:
             raise MissingFileError(f"{path}: does not exist; run the {stage} stage first") from error

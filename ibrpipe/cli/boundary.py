@@ -10,6 +10,7 @@ from typing import IO, Any
 import click
 
 from ibrpipe.errors import IbrError
+from ibrpipe.io.untrusted.inside import shortened
 
 
 class Failure(click.ClickException):
@@ -64,4 +65,6 @@ def _told(error: OSError) -> str | None:
         return f"no space left on the disk{where}; make room and run the same command again"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return f"no permission to use the file or folder{where} ({error.strerror}); choose another or change its rights"
+    if error.errno in (errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.ELOOP, errno.ENAMETOOLONG):
+        return f"{shortened(str(path))}: cannot be used ({str(error.strerror).lower()}); give another folder or file"
     return None

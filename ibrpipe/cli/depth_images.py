@@ -6,10 +6,11 @@ import json
 from pathlib import Path
 
 import click
-import yaml
 
 from ibrpipe.cli.options import PATH, example, json_option
-from ibrpipe.errors import ConfigError, MissingFileError
+from ibrpipe.errors import MissingFileError
+from ibrpipe.io.untrusted.boundary import utf8_text
+from ibrpipe.io.yaml_settings import value_of
 
 
 @click.command(
@@ -94,7 +95,4 @@ def _write_views(capture: Path, out: Path) -> int:
 def _read(path: Path) -> object:
     if not path.is_file():
         raise MissingFileError(f"{path}: there is no such file of frusta")
-    try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: is not YAML ({' '.join(str(error).split())})") from error
+    return value_of(utf8_text(path, "write it again"), str(path))

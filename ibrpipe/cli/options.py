@@ -13,6 +13,8 @@ from click.core import ParameterSource
 from pydantic.fields import FieldInfo
 
 from ibrpipe.config import StageConfig
+from ibrpipe.errors import ConfigError
+from ibrpipe.io.yaml_settings import value_of
 
 workers_option = click.Option(
     ["--workers"],
@@ -45,9 +47,9 @@ class YamlValue(click.ParamType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Parse the text."""
         try:
-            return yaml.safe_load(value) if isinstance(value, str) else value
-        except yaml.YAMLError:
-            self.fail(f"{value!r} is not valid YAML", param, ctx)
+            return value_of(value, "value") if isinstance(value, str) else value
+        except ConfigError as error:
+            self.fail(str(error), param, ctx)
 
 
 PATH = click.Path(path_type=Path)

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import click
-import yaml
 
 from ibrpipe.cli.options import PATH, example
 from ibrpipe.cli.relief_meshes import dual, mesh_map
-from ibrpipe.errors import ConfigError, MissingFileError
+from ibrpipe.errors import ConfigError, IbrError, MissingFileError
+from ibrpipe.io.untrusted.boundary import utf8_text
+from ibrpipe.io.yaml_settings import value_of
 
 _OUT = click.option("--out", type=PATH, required=True, metavar="DIR", help="Asset folder to write.")
 _TEXELS = click.option(
@@ -152,9 +153,11 @@ def _planes(path: Path) -> list[Any]:
     if not path.is_file():
         raise MissingFileError(f"{path}: there is no such file of planes")
     try:
-        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+        entries = value_of(utf8_text(path, "write it again"), str(path))
         return [Plane(**{**entry, **{k: [float(x) for x in entry[k]] for k in _VECTORS}}) for entry in entries]
-    except (yaml.YAMLError, TypeError, KeyError, ValueError) as error:
+    except (TypeError, KeyError, ValueError) as error:
+        if isinstance(error, IbrError):
+            raise
         raise ConfigError(
             f"{path}: is no list of planes ({' '.join(str(error).split())}); "
             "each needs origin, across, down, columns, rows"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import sys
@@ -12,6 +13,8 @@ from typing import IO
 
 from ibrpipe.errors import ResourceError
 from ibrpipe.io.own_files import listed_by_manifest, put_in_place, real_folder, recover
+from ibrpipe.io.untrusted.boundary import reason
+from ibrpipe.io.untrusted.inside import shortened
 
 
 @contextmanager
@@ -21,16 +24,30 @@ def whole_folder(target: Path) -> Iterator[Path]:
     What an earlier process left half-done next to `target` is removed first. Files in `target` that its manifest does
     not list stay. Where `target` is a link, the folder that it leads to is replaced.
     """
-    target = real_folder(target)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    remove_stale(target)
-    partial = target.with_name(f".{target.name}.partial")
-    try:
+    with _can_be_made(target):
+        target = real_folder(target)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        remove_stale(target)
+        partial = target.with_name(f".{target.name}.partial")
         partial.mkdir()
+    try:
         yield partial
         put_in_place(partial, target, listed_by_manifest)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+
+
+@contextmanager
+def _can_be_made(folder: Path) -> Iterator[None]:
+    """Tell in one line that a folder cannot be made; a full disk and missing rights are told elsewhere."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:  # a loop of links is a RuntimeError
+        if isinstance(error, PermissionError) or getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise ResourceError(
+            f"{shortened(str(folder))}: cannot be made a folder ({reason(error)}); choose another --out"
+        ) from error
 
 
 def kept_folder(target: Path, key: str) -> Path:
@@ -66,9 +83,10 @@ def only_run(folder: Path) -> Iterator[None]:
     Raises
     ------
     ResourceError
-        Another process works in it.
+        Another process works in it, or it can be no folder.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    with _can_be_made(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     path = folder / ".lock"
     handle = _held(path)
     while not _is_at(handle, path):  # its last holder removed it between our opening and locking it

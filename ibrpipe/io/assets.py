@@ -11,7 +11,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
@@ -24,6 +24,8 @@ from ibrpipe.io.layer_pictures import Coding, read_layer_pictures, write_layer_p
 from ibrpipe.io.layer_pictures.avif import QUICK
 from ibrpipe.io.layers import read_layers, write_layers
 from ibrpipe.io.own_files import listed_by_manifest, put_in_place, real_folder, recover
+from ibrpipe.io.untrusted.boundary import reader, utf8_text
+from ibrpipe.io.untrusted.inside import inside
 from ibrpipe.types import Asset, LayeredDepthImage, Texture, ViewDependence
 from ibrpipe.types.view_dependence import SharedData
 from ibrpipe.version import VERSION
@@ -212,6 +214,7 @@ def write_index(index: AssetIndex, folder: Path, indent: int | None = 1) -> None
     (folder / INDEX).write_text(index.model_dump_json(indent=indent), encoding="utf-8")
 
 
+@reader("copy the asset again")
 def read_index(path: str | Path) -> AssetIndex:
     """Read and check ``asset.json`` of an asset folder.
 
@@ -226,7 +229,7 @@ def read_index(path: str | Path) -> AssetIndex:
     if not file.is_file():
         raise MissingFileError(f"{file}: no such file; an asset folder holds asset.json, give the folder that does")
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
+        data = json.loads(utf8_text(file, "copy the asset again", "not JSON"))
         version = data.get("schema_version") if isinstance(data, dict) else None
         if version not in SCHEMAS:
             known = " and ".join(map(str, SCHEMAS))
@@ -234,7 +237,7 @@ def read_index(path: str | Path) -> AssetIndex:
                 f"{file}: asset of schema version {version}; this program reads versions {known}: use a newer ibrpipe"
             )
         return _inside(AssetIndex.model_validate(data), file)
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except json.JSONDecodeError as error:
         raise FormatError(f"{file}: not JSON ({error}); copy the asset again") from error
     except ValidationError as error:
         first = error.errors()[0]
@@ -257,13 +260,13 @@ def listed_files(folder: Path) -> set[str]:
 
 
 def _inside(index: AssetIndex, file: Path) -> AssetIndex:
-    """Return the index; a name that leads out of the asset's folder is an error."""
+    """Return the index; a name that leads out of the asset's folder, be it by a link, is an error."""
     for name in files_of(index):
-        if PureWindowsPath(name).drive or PureWindowsPath(name).root or ".." in PureWindowsPath(name).parts:
-            raise FormatError(f"{file}: {name!r} leads out of the asset; copy the asset again")
+        inside(file.parent, name, file, "copy the asset again")
     return index
 
 
+@reader("copy the asset again")
 def read_asset(path: str | Path) -> Asset:
     """Read an asset folder.
 

@@ -9,6 +9,7 @@ Cameras may also come from elsewhere: from the folder that the calibrate stage h
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -29,6 +30,8 @@ from ibrpipe.io.photos.image_files import ImageHeader, read_header
 from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
 from ibrpipe.io.surfaces.meshes import has_faces
 from ibrpipe.io.surfaces.scene_files import SUFFIXES
+from ibrpipe.io.untrusted.boundary import reader
+from ibrpipe.io.untrusted.inside import leads_inside, shortened
 from ibrpipe.io.views import View
 from ibrpipe.types import Camera
 
@@ -55,6 +58,8 @@ class CaptureOptions:
     cameras : Path or None
         Folder whose ``sparse/0`` replaces the capture's cameras, and whose ``test/sparse/0`` those of ``test/``,
         where they exist.
+    allow_outside : bool
+        Photos, masks, depth maps and mesh may lie outside the folder: where links, absolute paths or ``..`` lead.
     """
 
     hold_out_every: int = 8
@@ -63,6 +68,7 @@ class CaptureOptions:
     keep: Keep = "all"
     color_space: str | None = None
     cameras: Path | None = None
+    allow_outside: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +113,7 @@ class _Told:
         self.warnings.extend(cameras.warnings)
 
 
+@reader("mend the capture")
 def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Capture:
     """Read a capture folder.
 
@@ -136,6 +143,8 @@ def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Cap
     tests = read_cameras(root / "test", test_model) if has_test(root) else CameraSet(())
     told.add(tests)
     test_shots = tests.shots + tests.held_out
+    if not options.allow_outside:
+        _check_inside(root, [shot.image for shot in (*shots, *held, *test_shots)])
     told.warnings.extend([*_unposed(root, shots + held), *_unposed(root / "test", test_shots)])
     headers, held_headers, test_headers = _headers(shots), _headers(held), _headers(test_shots)
     gains, exposure = _gains(
@@ -149,10 +158,26 @@ def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Cap
         test = tuple(replace(view, held_out=True) for view in test)
     else:
         train, test = _split(train, options.hold_out_every, told.notes)
-    mesh = _mesh(root, cameras.mesh, told)
+    mesh = _mesh(root, cameras.mesh, told, options.allow_outside)
+    if not options.allow_outside:
+        _check_inside(root, [file for view in (*train, *test) for file in (view.mask, view.depth) if file is not None])
     return Capture(root, train, test, mesh, model, exposure, tuple(told.notes), tuple(told.warnings))
 
 
+def _check_inside(root: Path, files: Iterable[Path]) -> None:
+    """Refuse files that a capture names, or that links in it lead to, outside its folder."""
+    known: dict[Path, bool] = {}
+    for file in files:
+        if file.is_symlink() or file.parent not in known:
+            known[file.parent] = leads_inside(root, file.parent)
+            if not (known[file.parent] and leads_inside(root, file)):
+                raise CaptureError(
+                    f"{shortened(str(file))}: lies outside the capture {root}; copy it there, or say that such files "
+                    "may be used: ingest.allow_outside=true"
+                )
+
+
+@reader("mend the capture")
 def read_shots(root: Path) -> tuple[Shot, ...]:
     """Read the cameras that a capture folder, or its ``test/``, states; raises as `read_capture`."""
     found = read_cameras(root, find_model(root))
@@ -339,8 +364,10 @@ def _mesh_files(root: Path) -> list[Path]:
     return [root / name for name in names if (root / name).is_file()]
 
 
-def _mesh(root: Path, named: Path | None, told: _Told) -> Path | None:
+def _mesh(root: Path, named: Path | None, told: _Told, outside: bool) -> Path | None:
     found = _mesh_files(root)
+    if not outside:
+        _check_inside(root, [*found, *([] if found or named is None else [named])])
     if len(found) > 1:
         told.notes.append(f"several meshes: {found[0].name} is used, {', '.join(path.name for path in found[1:])} not")
     if found:

@@ -15,6 +15,7 @@ import numpy as np
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
 from ibrpipe.io.photos.image_files import one_line
 from ibrpipe.io.photos.images import FIXED_DATE
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame
 from ibrpipe.types.layers import offsets_of
 
@@ -86,6 +87,7 @@ def _fill(deep: object, layers: LayeredDepthImage) -> None:
                     set_value(pixel, channel, sample, value)
 
 
+@reader("copy the asset again")
 def read_layers(path: Path) -> LayeredDepthImage:
     """Read a layered depth image.
 
@@ -98,12 +100,7 @@ def read_layers(path: Path) -> LayeredDepthImage:
     """
     if not path.is_file():
         raise MissingFileError(f"{path}: no such file; it should hold a texture's layers (deep OpenEXR)")
-    try:
-        return _read(path)
-    except FormatError:
-        raise
-    except (ValueError, KeyError, TypeError) as error:
-        raise FormatError(f"{path}: damaged ({one_line(str(error))}); copy the asset again") from error
+    return _read(path)
 
 
 def _read(path: Path) -> LayeredDepthImage:

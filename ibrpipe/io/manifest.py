@@ -15,7 +15,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from ibrpipe.errors import MissingFileError
+from ibrpipe.errors import FormatError, MissingFileError
+from ibrpipe.io.untrusted.boundary import check_regular, reason
 
 NAME = "manifest.json"
 RUN_NAME = "run.json"
@@ -79,6 +80,9 @@ def files_below(folder: Path, leave_out: Iterable[Path] = ()) -> Iterator[Path]:
     left_out = {path.resolve() for path in leave_out}
     for root, folders, names in os.walk(folder, followlinks=True):
         here = Path(root)
+        for name in folders:
+            if (here / name).is_symlink() and here.resolve().is_relative_to((here / name).resolve()):
+                raise FormatError(f"{here / name}: is a link to a folder around it; remove it")
         folders[:] = sorted(name for name in folders if not _skipped(here / name, left_out))
         yield from (here / name for name in sorted(names) if not name.startswith(".") and name != NAME)
 
@@ -108,12 +112,13 @@ class Hasher:
 
         Raises
         ------
-        MissingFileError
-            There is no such file.
+        MissingFileError, FormatError
+            There is no such file, or it is a pipe, a device, a link to itself, or not to be read.
         """
-        name = str(path.resolve())
         try:
+            name = str(path.resolve())
             before = path.stat()
+            check_regular(path, before)
             entry = self._used.get(name) or self._known.get(name)
             if entry is None or entry[:2] != [before.st_size, before.st_mtime_ns]:
                 with path.open("rb") as handle:
@@ -121,6 +126,10 @@ class Hasher:
                 entry = [before.st_size, before.st_mtime_ns, content]
         except FileNotFoundError as error:
             raise MissingFileError(f"{path} does not exist; it is an input") from error
+        except (OSError, RuntimeError) as error:
+            raise FormatError(
+                f"{path}: cannot be read ({reason(error)}); take it out of the folder, or mend it"
+            ) from error
         if time.time() - before.st_mtime > _RACY_SECONDS:
             self._used[name] = entry
         return str(entry[2])
@@ -140,7 +149,7 @@ class Hasher:
 def _read_memory(path: Path) -> dict[str, list[Any]]:
     try:
         known = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     usable = isinstance(known, dict) and all(isinstance(entry, list) and len(entry) == 3 for entry in known.values())
     return known if usable else {}
@@ -167,7 +176,10 @@ def difference(old: Manifest | None, new: Mapping[str, Any], folder: Path) -> st
 
 
 def _has_size(path: Path, size: int) -> bool:
-    return path.is_file() and path.stat().st_size == size
+    try:
+        return path.is_file() and path.stat().st_size == size
+    except OSError:  # a name that no file can have
+        return False
 
 
 def _what_changed(old: Manifest, new: Mapping[str, Any]) -> str:

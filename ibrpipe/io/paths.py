@@ -212,7 +212,7 @@ def _holds_model(folder: Path) -> bool:
 
 def _stem(file: str) -> str:
     """File name of a frame: folders become part of the name."""
-    return Path(file).with_suffix("").as_posix().strip("/").replace("/", "_")
+    return Path(file).with_suffix("").as_posix().strip("/").replace("/", "_").replace("\\", "_")
 
 
 def camera_path(text: str, asset: Asset, views: ViewSet) -> CameraPath:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,8 @@ import numpy as np
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.cameras.colmap import Cursor, image_names, text_lines
 from ibrpipe.io.cameras.shots import PhotoFolder
+from ibrpipe.io.untrusted.arrays import load_npz
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.io.views import View
 from ibrpipe.types import Array
 
@@ -93,6 +94,7 @@ def write_points(points: SparsePoints, path: Path) -> None:
     np.savez(path, **{name: getattr(points, name) for name in _NAMES})
 
 
+@reader("run the ingest stage again")
 def read_points(path: Path) -> SparsePoints:
     """Read ``points.npz``.
 
@@ -103,11 +105,8 @@ def read_points(path: Path) -> SparsePoints:
     """
     if not path.is_file():
         raise MissingFileError(f"{path}: does not exist; run the ingest stage on a capture with sparse points")
-    try:
-        with np.load(path) as stored:
-            return SparsePoints(*(stored[name] for name in _NAMES))
-    except (KeyError, ValueError, OSError, zipfile.BadZipFile) as error:
-        raise FormatError(f"{path}: not a file of sparse points ({error}); run the ingest stage again") from error
+    stored = load_npz(path, "run the ingest stage again", "not a file of sparse points")
+    return SparsePoints(*(stored[name] for name in _NAMES))
 
 
 def _points_text(path: Path) -> Iterator[_Point]:

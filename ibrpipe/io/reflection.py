@@ -6,8 +6,6 @@ for what is mirrored dimly, and bright enough for the sun.
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,8 @@ from ibrpipe.errors import FormatError, IbrError, MissingFileError, ResourceErro
 from ibrpipe.io.components import Component, SampleFiles
 from ibrpipe.io.reflection_weights import NAME as PICTURE
 from ibrpipe.io.reflection_weights import read_weights, write_weights
+from ibrpipe.io.untrusted.arrays import load_npz
+from ibrpipe.io.untrusted.boundary import told
 from ibrpipe.types import Array, LayeredDepthImage
 from ibrpipe.types.reflection import MOST_CELLS, MOST_TABLES, ReflectedLight, Reflection
 
@@ -69,12 +69,10 @@ class ReflectionFiles(SampleFiles):
             return Reflection(light)
         path, top = root / entry.file, _number(root, entry, "top")
         try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-                codes = archive["weights"]
-        except FileNotFoundError as error:
+            with told(path, "copy the asset again"):
+                codes = load_npz(path, "copy the asset again", "damaged")["weights"]
+        except MissingFileError as error:
             raise MissingFileError(f"{path}: no such file; it should hold the weights of a reflection") from error
-        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-            raise FormatError(f"{path}: damaged ({type(error).__name__}); copy the asset again") from error
         if codes.dtype != np.uint8 or codes.ndim != 2 or codes.size > MOST_SAMPLES:
             raise FormatError(f"{path}: holds {codes.dtype} {codes.shape}, expected bytes (samples, tables)")
         return _checked(path, lambda: Reflection(light, codes.astype(np.float32) * np.float32(top / 255.0)))

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import io
 import json
-import struct
 import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +20,17 @@ from ibrpipe.errors import FormatError, MissingFileError, ResourceError
 from ibrpipe.io.components import Component, SampleFiles
 from ibrpipe.io.layer_pictures.avif import LONGEST, QUICK
 from ibrpipe.io.layers import frame_as_json, frame_from_json
-from ibrpipe.io.photos.image_files import one_line
 from ibrpipe.io.residual_atlas import pack_images, unpack_images
+from ibrpipe.io.untrusted.arrays import read_npy
+from ibrpipe.io.untrusted.boundary import told
 from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame, SpiralResiduals
 
 NAME = "residuals.zip"
 SCHEMA = 1
-#: what reading a damaged archive can end in
-_DAMAGE = (
-    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError),
-    *(LookupError, RuntimeError, TypeError, ValueError),
-)
+#: bytes of the header of an array, at the most
+_NPY_HEADER = 1 << 14
+#: no header has more bytes, no texture more texels in all its images
+MOST_HEADER, MOST_TEXELS = 1 << 24, 1 << 30
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -172,22 +170,37 @@ def read_residuals(path: Path) -> SpiralResiduals:
     FormatError
         It is damaged, or of another schema version.
     """
-    if not path.is_file():
-        raise MissingFileError(f"{path}: no such file; it should hold a texture's residuals")
     try:
-        with zipfile.ZipFile(path) as archive:
-            header = json.loads(archive.read("residuals.json"))
-            if header["schema"] != SCHEMA:
-                raise FormatError(f"{path}: residuals of schema {header['schema']}, this version reads {SCHEMA}")
+        with told(path, "copy the asset again"), zipfile.ZipFile(path) as archive:
+            header = _header(archive)
             if header["encoding"] == "avif":
                 return _assemble(header, *_unpacked(archive, header))
             images = [_decode(archive, index, header) for index in range(len(header["sizes"]))]
-        flat = np.concatenate([image.reshape(-1, 4) for image in images])
-        return _assemble(header, np.ascontiguousarray(flat[:, :3]), flat[:, 3] > 0)
-    except FormatError:
-        raise
-    except _DAMAGE as error:
-        raise FormatError(f"{path}: damaged ({one_line(str(error))}); copy the asset again") from error
+            flat = np.concatenate([image.reshape(-1, 4) for image in images])
+            return _assemble(header, np.ascontiguousarray(flat[:, :3]), flat[:, 3] > 0)
+    except MissingFileError as error:
+        raise MissingFileError(f"{path}: no such file; it should hold a texture's residuals") from error
+
+
+def _header(archive: zipfile.ZipFile) -> dict[str, Any]:
+    """Return what the archive says of itself; sizes are whole numbers, and not too many."""
+    header: dict[str, Any] = json.loads(_member(archive, "residuals.json", MOST_HEADER))
+    if header["schema"] != SCHEMA:
+        raise ValueError(f"residuals of schema {header['schema']}, this version reads {SCHEMA}")
+    sizes = header["sizes"]
+    if not all(len(size) == 2 and all(type(edge) is int and edge > 0 for edge in size) for size in sizes):
+        raise ValueError("a size is not two whole numbers above 0")
+    texels = sum(height * width for height, width in sizes)
+    if texels > MOST_TEXELS:
+        raise ValueError(f"{texels} texels are claimed; at most {MOST_TEXELS} are read")
+    return header
+
+
+def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
+    """Return a part of the archive, which unpacks to `most` bytes or fewer."""
+    if archive.getinfo(name).file_size > most:
+        raise ValueError(f"{name} unpacks to more than {most} bytes")
+    return archive.read(name)
 
 
 def _unpacked(archive: zipfile.ZipFile, header: dict[str, Any]) -> tuple[Array, Array]:
@@ -205,20 +218,23 @@ def _unpacked(archive: zipfile.ZipFile, header: dict[str, Any]) -> tuple[Array, 
 def _decode(archive: zipfile.ZipFile, index: int, header: dict[str, Any]) -> Array:
     import cv2
 
+    height, width = header["sizes"][index]
     if header["encoding"] == "half":
-        image = np.load(io.BytesIO(archive.read(f"{index:03d}.npy"))).astype(np.float32)
+        data = _member(archive, f"{index:03d}.npy", 8 * height * width + _NPY_HEADER)
+        image = read_npy(io.BytesIO(data), len(data)).astype(np.float32)
     elif header["encoding"] != "8bit":
         raise ValueError(f"encoding {header['encoding']!r}, expected 8bit, avif or half")
     else:
-        data = np.frombuffer(archive.read(f"{index:03d}.webp"), np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-        if image is None:
+        picture = _member(archive, f"{index:03d}.webp", 16 * height * width + (1 << 16))
+        found = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_UNCHANGED)
+        if found is None or found.ndim != 3:
             raise ValueError(f"picture {index} is damaged")
+        image = found
         if image.shape[2] == 3:  # WebP drops an alpha that is full everywhere
             image = np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
         image = image[:, :, [2, 1, 0, 3]]
-    if list(image.shape[:2]) != header["sizes"][index]:
-        raise ValueError(f"picture {index} is {image.shape[1]} x {image.shape[0]}, header says otherwise")
+    if image.shape != (height, width, 4):
+        raise ValueError(f"picture {index} is {image.shape}, the header says {height} x {width}")
     return image
 
 
@@ -228,8 +244,8 @@ def _assemble(header: dict[str, Any], texels: Array, valid: Array) -> SpiralResi
     if not isinstance(frame, ParallelFrame):
         raise ValueError("the rectangle of residuals must be parallel")
     alphas, directions = np.array(header["alphas"], float), np.array(header["directions"], float)
-    if alphas.shape != (len(sizes),) or directions.shape != (len(sizes), 3):
-        raise ValueError(f"{alphas.size} alphas and {len(directions)} directions for {len(sizes)} pictures")
+    if type(header["closed"]) is not bool or not isinstance(header["k"], int | float):
+        raise ValueError(f"closed is {header['closed']!r} and k {header['k']!r}, expected true or false, and a number")
     return SpiralResiduals(
         frame,
         header["k"],

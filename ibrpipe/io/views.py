@@ -18,6 +18,7 @@ from ibrpipe.io.cameras.lenses import Lens, photo_positions
 from ibrpipe.io.documents import views as documents
 from ibrpipe.io.photos.images import read_coverage, read_depth, read_image
 from ibrpipe.io.photos.threshold_masks import threshold_mask
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array, Camera
 
 MaskRule = Literal["coverage", "nonzero"]
@@ -195,6 +196,7 @@ def write_views(views: ViewSet, path: Path) -> None:
     path.write_text(document.to_json() + "\n", encoding="utf-8")
 
 
+@reader("run the ingest stage again")
 def read_views(path: Path) -> ViewSet:
     """Read ``views.json``.
 

@@ -12,6 +12,8 @@ from pydantic_core import ErrorDetails
 
 from ibrpipe.errors import ConfigError, closest
 
+#: characters of a settings file, and values in it, at the most
+MOST_TEXT, MOST_NODES = 1 << 20, 100_000
 Key = tuple[str | int, ...]
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -69,22 +71,53 @@ def parse(text: str, name: str) -> Settings:
     ConfigError
         It is no YAML, no mapping, or holds a key twice.
     """
-    try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-        values = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{name}{_line_of(error)}: not valid YAML: {_problem(error)}") from error
+    node, values = _loaded(text, name)
     if not isinstance(node, yaml.MappingNode):
         raise ConfigError(f"{name}:1: expected lines of the form key: value, got {_short(values)}")
     return Settings(values, {(): name, **dict(_places(node, (), name))})
 
 
 def value_of(text: str, place: str) -> Any:
-    """Read one YAML value given on the command line."""
+    """Read one YAML value, given on the command line or in the file called `place`; raises as `parse`."""
+    return _loaded(text, place, lines=False)[1]
+
+
+def _loaded(text: str, name: str, lines: bool = True) -> tuple[yaml.Node | None, Any]:
+    """Return what the YAML `text` says, twice: as nodes and as values. Aliases may not repeat without end."""
+    if len(text) > MOST_TEXT:
+        raise ConfigError(f"{name}: has {len(text)} characters; settings have at most {MOST_TEXT}")
     try:
-        return yaml.safe_load(text)
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        _check_repeats(node, name)
+        return node, yaml.safe_load(text)
+    except ConfigError:
+        raise
     except yaml.YAMLError as error:
-        raise ConfigError(f"{place}: not valid YAML: {_problem(error)}") from error
+        where = _line_of(error) if lines else ""
+        raise ConfigError(f"{name}{where}: not valid YAML: {_problem(error)}") from error
+    except RecursionError as error:
+        raise ConfigError(f"{name}: is nested too deeply; settings have a few levels") from error
+    except (ValueError, ArithmeticError, AttributeError, LookupError, TypeError) as error:  # of dates, tags, numbers
+        raise ConfigError(f"{name}: holds a value that is none: {_short_line(str(error))}") from error
+
+
+def _check_repeats(node: yaml.Node | None, name: str) -> None:
+    """Count nodes with all repetitions by aliases, which may be exponentially many, or endless."""
+    left, count = [] if node is None else [node], 0
+    while left:
+        each = left.pop()
+        count += 1
+        if count > MOST_NODES:
+            raise ConfigError(f"{name}: holds more than {MOST_NODES} values, aliases counted; write them out")
+        if isinstance(each, yaml.MappingNode):
+            left += [part for pair in each.value for part in pair]
+        elif isinstance(each, yaml.SequenceNode):
+            left += each.value
+
+
+def _short_line(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= 100 else line[:97] + "..."
 
 
 def _places(node: yaml.Node, above: Key, name: str) -> Iterator[tuple[Key, str]]:

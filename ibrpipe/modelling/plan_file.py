@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from ibrpipe.errors import FormatError
 from ibrpipe.io.documents.plan import Plan, PlannedComponent, PlannedTexture, Reason
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.modelling.rectangles import Rectangle
 
 SCHEMA = 1
@@ -58,6 +59,7 @@ def write_plan(plans: Sequence[TexturePlan], reasons: Sequence[Told], path: Path
     path.write_text(text, encoding="utf-8")
 
 
+@reader("run the plan stage again")
 def read_plan(path: Path) -> list[TexturePlan]:
     """Read the textures of `plan.json`.
 
@@ -75,10 +77,6 @@ def read_plan(path: Path) -> list[TexturePlan]:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
         raise FormatError(f"{path}: not a plan ({where}: {first['msg']}); run the plan stage again") from error
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        if isinstance(error, FormatError):
-            raise
-        raise FormatError(f"{path}: not a plan ({error}); run the plan stage again") from error
 
 
 def _plan_of(texture: PlannedTexture) -> TexturePlan:

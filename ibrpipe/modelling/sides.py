@@ -7,7 +7,6 @@ side, has the side that is seen most; any other has two, and each side is a surf
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -19,6 +18,7 @@ from ibrpipe.core.normals import face_normals
 from ibrpipe.core.surface_patches import patches
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import FormatError, MissingFileError
+from ibrpipe.io.untrusted.arrays import load_npz
 from ibrpipe.modelling.plan_file import Told, reason
 from ibrpipe.types import Array, Mesh
 
@@ -156,12 +156,12 @@ def read_sides(path: Path) -> Sides:
         The file is missing or damaged.
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            bits, faces = archive["sides"], int(archive["faces"])
+        archive = load_npz(path, "run the plan stage again", "not the sides of a mesh")
+        bits, faces = archive["sides"], int(archive["faces"])
         return Sides(*np.unpackbits(bits, axis=1, count=faces).astype(bool))
-    except FileNotFoundError as error:
+    except MissingFileError as error:
         raise MissingFileError(f"{path}: no such file; run the plan stage again") from error
-    except (OSError, KeyError, TypeError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise FormatError(f"{path}: not the sides of a mesh ({error}); run the plan stage again") from error
 
 

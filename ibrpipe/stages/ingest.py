@@ -45,6 +45,10 @@ class IngestConfig(StageConfig):
     color_space: str | None = Field(
         None, description="Colour space of all photos, such as srgb_rec709_scene; none = as each file declares"
     )
+    allow_outside: bool = Field(
+        False,
+        description="Photos, masks, depth maps and mesh may lie outside the capture folder, where links or paths lead",
+    )
     max_pixels: int | None = Field(
         None, ge=64, description="Photos with more pixels are shrunk to at most this many on loading; none = never"
     )
@@ -109,6 +113,7 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
         config.undistort,
         config.color_space,
         inputs.calibration,
+        config.allow_outside,
     )
     capture = _reduced(_shrunk(read_capture(inputs.capture, options), config.max_pixels), config)
     capture = _without_foreign_mesh(capture, inputs.calibration)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import numbers
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +12,9 @@ from numpy.typing import ArrayLike
 
 from ibrpipe.errors import ValueRangeError
 from ibrpipe.types.arrays import Array, finite_array
+
+#: pixels of a picture at the most
+MOST_PIXELS = 1 << 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +44,14 @@ class Camera:
     def __post_init__(self) -> None:
         object.__setattr__(self, "K", finite_array("K", self.K, (3, 3)))
         object.__setattr__(self, "cam_from_world", finite_array("cam_from_world", self.cam_from_world, (3, 4)))
-        object.__setattr__(self, "width", int(self.width))
-        object.__setattr__(self, "height", int(self.height))
+        for name in ("width", "height"):
+            object.__setattr__(self, name, _pixels(name, getattr(self, name)))
         if self.width < 1 or self.height < 1:
             raise ValueRangeError(f"camera size is {self.width} x {self.height}; both must be at least 1 pixel")
+        if self.width * self.height > MOST_PIXELS:
+            raise ValueRangeError(
+                f"camera size is {self.width} x {self.height}; at most {MOST_PIXELS >> 20} megapixels are rendered"
+            )
         if not (self.K[0, 0] > 0 and self.K[1, 1] > 0):
             raise ValueRangeError(f"focal lengths are {self.K[0, 0]}, {self.K[1, 1]} px; both must be positive")
         if not np.allclose(self.K[2], (0.0, 0.0, 1.0)) or self.K[1, 0] != 0.0:
@@ -114,6 +123,7 @@ class Camera:
         height: int = 480,
     ) -> Camera:
         """Return a camera at `eye` looking at `target`, with world vector `up` pointing up in the picture."""
+        _check_view(eye, target, up, fov_y_deg)
         eye64, forward = np.asarray(eye, float), np.asarray(target, float) - np.asarray(eye, float)
         length = np.linalg.norm(forward)
         if not length > 0:
@@ -127,6 +137,21 @@ class Camera:
         focal = height / (2.0 * np.tan(np.radians(fov_y_deg) / 2.0))
         K = [[focal, 0.0, width / 2.0], [0.0, focal, height / 2.0], [0.0, 0.0, 1.0]]
         return cls(np.array(K), np.concatenate([R, (-R @ eye64)[:, None]], axis=1), width, height)
+
+
+def _check_view(eye: ArrayLike, target: ArrayLike, up: ArrayLike, fov_y_deg: float) -> None:
+    for name, value in (("eye", eye), ("target", target), ("up", up)):
+        finite_array(name, value, (3,))
+    if not isinstance(fov_y_deg, numbers.Real) or not 0 < fov_y_deg < 180:
+        raise ValueRangeError(f"fov_y_deg is {fov_y_deg!r}; it must be more than 0 and less than 180 degrees")
+
+
+def _pixels(name: str, value: object) -> int:
+    """Return a size as a whole number."""
+    number = float(value) if isinstance(value, numbers.Real) else math.nan
+    if not number.is_integer():
+        raise ValueRangeError(f"{name} is {value!r}; it must be a whole number of pixels")
+    return int(number)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.errors import ShapeError, ValueRangeError
-from ibrpipe.types.arrays import Array, check_color, contiguous
+from ibrpipe.types.arrays import Array, check_color, check_depth, contiguous
 from ibrpipe.types.camera import Camera, ParallelFrame
 
 
@@ -34,6 +34,7 @@ class ReliefTexture:
             raise ShapeError(f"color must be (H, W, 3) for height (H, W), got {color.shape} and {height.shape}")
         if np.isinf(height).any():
             raise ValueRangeError("height holds infinity; use NaN for transparent texels")
+        check_depth("height", height)
         check_color(color)
         object.__setattr__(self, "color", color)
         object.__setattr__(self, "height", height)
@@ -62,6 +63,7 @@ class DepthImage:
         depth = np.where(np.isposinf(depth), np.float32(np.nan), depth)
         if (depth <= 0).any():
             raise ValueRangeError("depth must be positive in front of the camera; use +inf where nothing is seen")
+        check_depth("depth", depth)
         check_color(color)
         object.__setattr__(self, "color", color)
         object.__setattr__(self, "depth", depth)
@@ -109,6 +111,7 @@ class LayeredDepthImage:
             raise ShapeError(f"color and normal must be ({len(depth)}, 3), got {color.shape} and {normal.shape}")
         if not np.isfinite(depth).all():
             raise ValueRangeError("depth of a layered depth image holds NaN or infinity; leave such samples out")
+        check_depth("depth", depth)
         starts = np.zeros(len(depth) + 1, bool)
         starts[offsets[:, :-1].ravel()] = True
         if len(depth) > 1 and (np.diff(depth)[~starts[1:-1]] < 0).any():
@@ -123,6 +126,8 @@ class LayeredDepthImage:
             object.__setattr__(self, name, value)
         if self.observers is not None:
             object.__setattr__(self, "observers", contiguous("observers", self.observers, np.int32, 1))
+            if self.observers.shape != depth.shape:
+                raise ShapeError(f"observers must be ({len(depth)},), one a sample, got {self.observers.shape}")
         if self.coverage is not None:
             coverage = contiguous("coverage", self.coverage, np.float32, 1)
             if coverage.shape != depth.shape:

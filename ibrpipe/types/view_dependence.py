@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
@@ -11,6 +13,11 @@ import numpy as np
 from ibrpipe.errors import ShapeError, ValueRangeError
 from ibrpipe.types.arrays import Array
 from ibrpipe.types.camera import ParallelFrame
+
+#: smallest density of a spiral: it has more than a million images
+LEAST_K = 1e-3
+#: the last parameter of a spiral is at most so many of its least steps: renderers look images up in a table of steps
+MOST_STEPS = 1 << 23
 
 
 class SharedData(Protocol):
@@ -95,6 +102,11 @@ class SpiralResiduals(ViewDependence):
         Code of a residual of nothing (uint8 texels only).
     closed : bool
         The spiral has its closing turn along the horizon.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        The arrays do not fit together, or the images are not those of a spiral: renderers find them by arithmetic.
     """
 
     kind: ClassVar[str] = "spiral"
@@ -111,12 +123,22 @@ class SpiralResiduals(ViewDependence):
     closed: bool = True
 
     def __post_init__(self) -> None:
-        if not 0 < self.k <= 1:
-            raise ValueRangeError(f"k is {self.k}; it must lie in (0, 1]")
+        object.__setattr__(self, "k", float(self.k))
+        object.__setattr__(self, "zero", operator.index(self.zero))
+        object.__setattr__(self, "closed", bool(self.closed))
+        if not LEAST_K <= self.k <= 1:
+            raise ValueRangeError(f"k is {self.k}; it must lie in [{LEAST_K}, 1]")
+        if not 0 <= self.zero <= 255:
+            raise ValueRangeError(f"zero is {self.zero}; it is a code from 0 to 255")
         basis = self.rectangle.world_from_local / np.linalg.norm(self.rectangle.world_from_local, axis=0)
         if np.abs(basis.T @ basis - np.eye(3)).max() > 1e-6:
             raise ValueRangeError("the support rectangle of residuals must have right angles, f normal to it")
         n = len(self.directions)
+        sizes = np.asarray(self.sizes)
+        if sizes.shape != (n, 2) or (sizes < 1).any():
+            raise ShapeError(f"sizes must be ({n}, 2), height and width of every image, each 1 or more")
+        _check_alphas(np.asarray(self.alphas), n, self.k, self.closed)
+        _check_directions(np.asarray(self.directions))
         areas = np.asarray(self.sizes, np.int64).prod(axis=1) if n else np.zeros(0, np.int64)
         if np.shape(self.starts) != (n + 1,) or (np.diff(self.starts) != areas).any():
             raise ShapeError("starts must step by each image's height * width")
@@ -124,6 +146,8 @@ class SpiralResiduals(ViewDependence):
             raise ShapeError(f"texels and valid must hold {int(self.starts[-1])} texels, got {self.texels.shape}")
         if self.texels.dtype not in (np.uint8, np.float32):
             raise ShapeError(f"texels must be uint8 or float32, got {self.texels.dtype}")
+        if self.texels.dtype == np.float32 and not (np.isfinite(self.texels).all(axis=1) | ~self.valid).all():
+            raise ValueRangeError("valid residuals hold NaN or infinity; declare them not valid")
 
     @property
     def bytes(self) -> int:
@@ -131,3 +155,30 @@ class SpiralResiduals(ViewDependence):
         return sum(part.nbytes for part in (self.alphas, self.directions, self.sizes, self.starts)) + (
             self.texels.nbytes + self.valid.nbytes
         )
+
+
+def _check_alphas(alphas: Array, count: int, k: float, closed: bool) -> None:
+    """Refuse parameters that no spiral of density k has, or whose steps are too unlike for a table of them."""
+    from ibrpipe.core.spiral.directions import closing_count  # here, so that types start without the compiler
+
+    if alphas.shape != (count,) or count < 1:
+        raise ShapeError(f"alphas must be ({count},), one an image and at least one, got {alphas.shape}")
+    closing = closing_count(k) if closed else 0
+    steps = np.diff(alphas)
+    if not (np.isfinite(alphas).all() and alphas[0] == 0 and (steps > 0).all()):
+        raise ValueRangeError("alphas must ascend from 0; they are the spiral parameters of the images")
+    if count <= closing:
+        raise ValueRangeError(f"{count} images are too few for a closed spiral of k = {k:g}: {closing} close it")
+    end = 0.5 * math.pi / k + 2 * math.pi
+    if alphas[-1] > end or (closed and alphas[-1] - alphas[count - closing] >= 2 * math.pi):
+        raise ValueRangeError(f"alphas go up to {alphas[-1]:g}, a spiral of k = {k:g} ends before {end:g}")
+    if count > 1 and alphas[-1] > MOST_STEPS * steps.min():
+        raise ValueRangeError(f"two alphas are {steps.min():g} apart, the last is {alphas[-1]:g}: too close together")
+
+
+def _check_directions(directions: Array) -> None:
+    lengths = np.linalg.norm(directions, axis=1) if directions.ndim == 2 and directions.shape[1] == 3 else None
+    if lengths is None:
+        raise ShapeError(f"directions must be (n, 3), got {directions.shape}")
+    if not (np.abs(lengths - 1) < 1e-3).all() or not (directions[:, 2] > 1e-6).all():
+        raise ValueRangeError("directions must be unit vectors that point away from the object (third number above 0)")

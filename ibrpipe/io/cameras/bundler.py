@@ -16,13 +16,16 @@ from ibrpipe.io.cameras.lenses import Lens
 from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot, name_below, refuse_missing
 from ibrpipe.io.cameras.transforms import OPENCV_FROM_OPENGL
 from ibrpipe.io.photos.image_files import read_header
+from ibrpipe.io.untrusted.boundary import reader, utf8_text
 from ibrpipe.types import Array
 
 BUNDLER = "bundle.out"
+_REMEDY = "export the cameras again"
 #: Rows of numbers of a camera: f k1 k2, three of the rotation, the translation
 _ROWS = 5
 
 
+@reader(_REMEDY)
 def read_bundler(path: Path, images: Path) -> CameraSet:
     """Read all cameras that were placed.
 
@@ -73,13 +76,13 @@ def read_bundler(path: Path, images: Path) -> CameraSet:
 def _names(path: Path) -> list[str]:
     if not path.is_file():
         raise MissingFileError(f"{path}: does not exist; it names the photos of {BUNDLER}, one a line")
-    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    lines = utf8_text(path, _REMEDY).splitlines()
     return [re.sub(r"\s+0(\s+[-+.\deE]+)?$", "", line.strip()) for line in lines if line.strip()]
 
 
 def _rows(path: Path, count: int) -> Array:
     """Return the numbers of all cameras, (N, 5, 3) float64."""
-    lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if not line.startswith("#")]
+    lines = [line for line in utf8_text(path, _REMEDY).splitlines() if not line.startswith("#")]
     try:
         stated = int(lines[0].split()[0])
         rows = np.array([[float(word) for word in line.split()] for line in lines[1 : 1 + _ROWS * stated]])

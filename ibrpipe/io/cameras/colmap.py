@@ -18,6 +18,7 @@ import numpy as np
 from ibrpipe.errors import CaptureError, FormatError, IbrError
 from ibrpipe.io.cameras.lenses import Lens, model_by_id
 from ibrpipe.io.cameras.shots import Shot
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array
 
 #: Where models may be inside a capture folder, best first: in folders of their own, or there itself
@@ -60,6 +61,7 @@ def is_model(folder: Path) -> bool:
     return any((folder / f"{stem}{suffix}").is_file() for stem in ("images", "cameras") for suffix in (".bin", ".txt"))
 
 
+@reader("export the model again")
 def read_model(folder: Path, images: Path) -> tuple[Shot, ...]:
     """Read all images of a COLMAP model.
 

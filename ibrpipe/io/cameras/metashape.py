@@ -18,6 +18,7 @@ from ibrpipe.core.similarity import move_poses
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.cameras.metashape_lens import numbers_of, sensor_lens
 from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot, name_below, refuse_missing
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array
 
 METASHAPE = "cameras.xml"
@@ -41,6 +42,7 @@ class _Left:
         )
 
 
+@reader("export the cameras from Metashape again")
 def read_metashape(path: Path, images: Path) -> CameraSet:
     """Read the aligned cameras of a chunk, that of most of them where there are several.
 

@@ -16,6 +16,8 @@ import numpy as np
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.cameras.lenses import Lens
 from ibrpipe.io.cameras.shots import Shot
+from ibrpipe.io.untrusted.arrays import load_npz
+from ibrpipe.io.untrusted.boundary import reader, utf8_text
 from ibrpipe.types import Array
 
 CALIBRATION = "calib.txt"
@@ -60,6 +62,7 @@ def is_stereo(root: Path) -> bool:
     return all((root / name).is_file() for name in (CALIBRATION, *PHOTOS))
 
 
+@reader("copy the set again")
 def read_calibration(path: Path) -> StereoCalibration:
     """Read ``calib.txt``.
 
@@ -70,17 +73,17 @@ def read_calibration(path: Path) -> StereoCalibration:
     """
     if not path.is_file():
         raise MissingFileError(f"{path}: does not exist; a Middlebury stereo folder holds it")
-    entries = dict(line.split("=", 1) for line in path.read_text(encoding="utf-8").splitlines() if "=" in line)
+    entries = dict(line.split("=", 1) for line in utf8_text(path, "copy the set again").splitlines() if "=" in line)
     try:
         first, second = (_camera(entries[name]) for name in ("cam0", "cam1"))
         numbers = [float(entries[name]) for name in ("baseline", "width", "height")]
         offset = float(entries.get("doffs", second[1] - first[1]))
-    except (KeyError, ValueError) as error:
+        size = int(numbers[1]), int(numbers[2])
+    except (KeyError, ValueError, OverflowError) as error:
         raise FormatError(
             f"{path}: {error} is missing or no number; expected the lines cam0, cam1, baseline, width and height of a "
             "Middlebury 2014 set"
         ) from error
-    size = int(numbers[1]), int(numbers[2])
     return StereoCalibration(first[0], (first[1], first[2]), (second[1], second[2]), offset, numbers[0], *size)
 
 
@@ -111,6 +114,7 @@ def read_disparity(root: Path) -> Array:
     raise MissingFileError(f"{root}: holds no true disparity; expected one of {', '.join(DISPARITIES)}")
 
 
+@reader("copy the set again")
 def read_pfm(path: Path) -> Array:
     """Read a grey portable float map, (H, W) float32, the upper row first.
 
@@ -132,9 +136,9 @@ def read_pfm(path: Path) -> Array:
 
 def _numpy(path: Path) -> Array:
     try:
-        with np.load(path, allow_pickle=False) as held:
-            found = held["disp"] if "disp" in held else held[held.files[0]]
-    except (ValueError, OSError, EOFError, IndexError, AttributeError, TypeError) as error:
+        held = load_npz(path)
+        found = held["disp"] if "disp" in held else next(iter(held.values()))
+    except (StopIteration, FormatError) as error:
         raise FormatError(f"{path}: no disparity can be read from it ({error})") from error
     if found.ndim != 2:
         raise FormatError(f"{path}: holds an array of shape {found.shape}; disparity is (H, W)")

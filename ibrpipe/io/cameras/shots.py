@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.cameras.lenses import Lens
+from ibrpipe.io.untrusted.inside import leads_inside
 from ibrpipe.types import Array
 
 #: Suffixes of photos, as far as names have to be told apart by them
@@ -65,8 +66,9 @@ class CameraSet:
 class PhotoFolder:
     """Finds files by the names that other programs, on other machines, have for them."""
 
-    def __init__(self, root: Path) -> None:
-        self.root = root
+    def __init__(self, root: Path, closed: bool = False) -> None:
+        """Look in `root`; `closed`: never outside it, whatever a name or a link says."""
+        self.root, self._closed = root, closed
 
     def find(self, label: str, source: Path, near: Iterable[str] = ()) -> Path | None:
         """Return the file that another program calls `label`, or None.
@@ -120,8 +122,9 @@ class PhotoFolder:
         whole = [label.strip().replace("\\", "/")] if parts else []
         for name in [*whole, *tails]:
             for ending in endings:
-                if (self.root / f"{name}{ending}").is_file():
-                    return self.root / f"{name}{ending}"
+                file = self.root / f"{name}{ending}"
+                if file.is_file() and not (self._closed and not leads_inside(self.root, file)):
+                    return file
         for name in tails:
             for ending in endings:
                 found = self._by_path.get(f"{name}{ending}".casefold(), [])

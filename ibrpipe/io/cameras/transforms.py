@@ -15,6 +15,7 @@ import numpy as np
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot
 from ibrpipe.io.cameras.transforms_lens import frame_keys, frame_lens
+from ibrpipe.io.untrusted.boundary import reader, reason, utf8_text
 from ibrpipe.types import Array
 
 TRANSFORMS = "transforms.json"
@@ -26,6 +27,7 @@ OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 _IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff")
 
 
+@reader("write it again")
 def read_transforms(path: Path) -> tuple[tuple[Shot, ...], Path | None]:
     """Read all photos of a ``transforms.json``, those held out among them, and the file it names as surface.
 
@@ -49,6 +51,7 @@ def read_transforms(path: Path) -> tuple[tuple[Shot, ...], Path | None]:
     return _sorted(_shots(document, path)), _named_mesh(document, path)
 
 
+@reader("write it again")
 def read_nerfstudio(path: Path) -> CameraSet:
     """Read a ``transforms.json`` with its split: what ``test_filenames`` names is held out, else ``val_filenames``.
 
@@ -130,9 +133,11 @@ def _sorted(shots: list[Shot]) -> tuple[Shot, ...]:
 
 def _document(path: Path) -> Mapping[str, Any]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path}: is not JSON ({error}); write it again") from error
+        document = json.loads(utf8_text(path, "write it again"))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, FormatError):
+            raise
+        raise FormatError(f"{path}: is not JSON ({reason(error)}); write it again") from error
     if not isinstance(document, dict):
         raise FormatError(f"{path}: expected a JSON object with 'frames', got {type(document).__name__}")
     return document
@@ -191,7 +196,7 @@ def _shot(
         lens = frame_lens(frame_keys(frame, document), image)
     except CaptureError as error:
         raise CaptureError(f"{where}: {error}") from error
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, ArithmeticError) as error:
         raise FormatError(f"{where}: {error}") from error
     mask = frame.get("mask_path")
     named = isinstance(mask, str) and bool(mask)
@@ -204,7 +209,7 @@ def _image_path(path: Path, name: str, files: tuple[PhotoFolder, PhotoFolder]) -
     if found is not None:
         return found
     image = path.parent / name.replace("\\", "/")
-    return image if image.suffix.lower() in _IMAGE_SUFFIXES else image.with_name(image.name + ".png")
+    return image if image.suffix.lower() in _IMAGE_SUFFIXES else Path(f"{image}.png")
 
 
 def _named_file(path: Path, name: str, files: PhotoFolder) -> Path:

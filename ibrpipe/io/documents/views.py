@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from ibrpipe.config import Document, Matrix33, Matrix34
+from ibrpipe.io.untrusted.inside import is_file_name, shortened
+
+
+def _file_name(name: str) -> str:
+    if not is_file_name(name):
+        raise ValueError(f"{shortened(name)!r} is no name for the files of a view")
+    return name
 
 
 class View(Document):
     """One photo and the pinhole camera that it is seen through."""
 
-    name: str = Field(description="Unique among the train or among the test views, fit for a file name")
+    name: Annotated[str, AfterValidator(_file_name)] = Field(
+        description="Unique among the train or among the test views, fit for a file name"
+    )
     image: str = Field(description="Photo file, relative to the document's root, or absolute")
     mask: str | None = Field(description="Mask file; null = none")
     mask_from_alpha: bool = Field(description="The photo's own alpha is the mask")

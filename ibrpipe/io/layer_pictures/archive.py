@@ -25,6 +25,7 @@ from ibrpipe.io.layer_pictures.normal_parts import pack_normals, unpack_normals
 from ibrpipe.io.layer_pictures.planes import pack_occupancy, planes_of, unpack_occupancy
 from ibrpipe.io.layers import frame_as_json, frame_from_json
 from ibrpipe.io.photos.image_files import one_line
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Camera, LayeredDepthImage
 
 NAME = "layers.zip"
@@ -78,6 +79,7 @@ def write_layer_pictures(layers: LayeredDepthImage, path: Path, coding: Coding, 
         raise ResourceError(f"{path}: cannot write: {error.strerror or error}") from error
 
 
+@reader("copy the asset again")
 def read_layer_pictures(path: Path) -> LayeredDepthImage:
     """Read what `write_layer_pictures` wrote.
 

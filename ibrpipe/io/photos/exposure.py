@@ -9,10 +9,12 @@ from pathlib import Path
 
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.photos.image_files import ImageHeader
+from ibrpipe.io.untrusted.boundary import reader
 
 COLUMN = "relative_exposure_stops"
 
 
+@reader("write it again")
 def read_exposure_csv(path: Path) -> dict[str, float]:
     """Read stops relative to the capture's reference exposure.
 

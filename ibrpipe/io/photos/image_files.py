@@ -13,10 +13,13 @@ import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.photos.channel_names import best_part, plain_names
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array
 
 LINEAR = "lin_rec709_scene"
 SRGB = "srgb_rec709_scene"
+#: pixels of an image at the most; pixels that its display window may have for one that is stored, or in any case
+MOST_PIXELS, MOST_EMPTY, LEAST_WINDOW = 1 << 29, 16, 1 << 24
 #: Words in an ICC profile's description -> name of the colour space in OpenColorIO's built-in config
 _PROFILES = {"adobe rgb": "AdobeRGB", "display p3": "srgb_p3d65_scene", "srgb": SRGB}
 #: EXIF orientation -> quarter turns counter-clockwise, then mirrored left to right
@@ -73,6 +76,7 @@ class ImageHeader:
         return "A" in self.channels
 
 
+@reader("export it again")
 def read_header(path: Path) -> ImageHeader:
     """Read size, channels, orientation, colour space and exposure figures of an image file.
 
@@ -83,17 +87,18 @@ def read_header(path: Path) -> ImageHeader:
     """
     source = _open(path)
     _seek_part(source, "R")
-    header = _header(source.spec())
+    header = _header(path, source.spec())
     source.close()
     return header
 
 
+@reader("export it again")
 def read_stored(path: Path, wanted: str = "R") -> tuple[Array, ImageHeader]:
     """Read all channels as stored, on the display window, (H, W, C); of several parts the one with a wanted channel."""
     source = _open(path)
     _seek_part(source, wanted)
     spec = source.spec()
-    header = _header(spec)
+    header = _header(path, spec)
     if spec.deep:
         raise FormatError(f"{path}: holds deep pixels; expected an ordinary image")
     pixels = source.read_image(source.current_subimage(), 0, 0, spec.nchannels, spec.format)
@@ -135,6 +140,16 @@ def _open(path: Path) -> Any:
     return source
 
 
+def _check_size(path: Path, spec: Any) -> None:
+    """Refuse sizes that no photo has, and display windows that are all but empty, before memory is taken for them."""
+    stored, shown = spec.width * spec.height, spec.full_width * spec.full_height
+    if max(stored, shown) > MOST_PIXELS or shown > MOST_EMPTY * stored + LEAST_WINDOW:
+        raise FormatError(
+            f"{path}: claims {spec.full_width} x {spec.full_height} pixels and holds {spec.width} x {spec.height}; at "
+            f"most {MOST_PIXELS >> 20} megapixels are read, and few empty ones: cut or export it again"
+        )
+
+
 def _seek_part(source: Any, wanted: str) -> None:
     """Go to the part of an OpenEXR file that holds the picture, or depth; the first one where none does.
 
@@ -165,7 +180,8 @@ def _check_name(path: Path) -> None:
         raise FormatError(f"{shown}: the name of the file or of a folder is not UTF-8; {remedy}") from error
 
 
-def _header(spec: Any) -> ImageHeader:
+def _header(path: Path, spec: Any) -> ImageHeader:
+    _check_size(path, spec)
     integer = str(spec.format) not in ("half", "float", "double")
     metadata = {}
     for key in ("ExposureTime", "FNumber", "Exif:PhotographicSensitivity"):

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.core.color import decode_table, srgb_encode, to_bytes
-from ibrpipe.errors import FormatError, MissingFileError, ResourceError, ShapeError
+from ibrpipe.errors import FormatError, ResourceError, ShapeError
 from ibrpipe.io.photos.coverage import coverage_of
 from ibrpipe.io.photos.icc import Profile, read_profile
 from ibrpipe.io.photos.image_files import LINEAR, SRGB, one_line, read_stored, turned
+from ibrpipe.io.untrusted.arrays import load_npy
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array
 
 #: OpenImageIO stamps the time of writing into EXR files unless one is given; equal input must give equal bytes
@@ -26,6 +28,7 @@ NOWHERE, HALF_MAX = 1e9, 65504.0
 FIXED_DATE = "2000:01:01 00:00:00"
 
 
+@reader("export it again")
 def read_image(path: Path, color_space: str | None = None, oriented: bool = True) -> Array:
     """Read an image as linear light.
 
@@ -62,6 +65,7 @@ def read_image(path: Path, color_space: str | None = None, oriented: bool = True
     return turned(linear, header.orientation) if oriented else linear
 
 
+@reader("export it again")
 def read_coverage(path: Path, oriented: bool = True) -> Array:
     """Read a mask file as plain values in 0..1; see `coverage_of`."""
     pixels, header = read_stored(path)
@@ -69,6 +73,7 @@ def read_coverage(path: Path, oriented: bool = True) -> Array:
     return np.ascontiguousarray(turned(plane, header.orientation) if oriented else plane)
 
 
+@reader("export it again")
 def read_depth(path: Path) -> Array:
     """Read a depth map (EXR or other float image, .npy, 16-bit PNG): (H, W) float32, scene units along camera z.
 
@@ -78,12 +83,7 @@ def read_depth(path: Path) -> Array:
     it, 1e10 and, in half floats, the largest of them, 65504.
     """
     if path.suffix.lower() == ".npy":
-        if not path.is_file():
-            raise MissingFileError(f"{path}: the depth file does not exist")
-        try:
-            depth = np.load(path, allow_pickle=False)
-        except (ValueError, EOFError, OSError) as error:
-            raise FormatError(f"{path}: not a NumPy array file ({error}); write it with numpy.save") from error
+        depth = load_npy(path)
     else:
         pixels, header = read_stored(path, "Z")
         depth = pixels[:, :, header.channels.index("Z") if "Z" in header.channels else 0]

@@ -16,6 +16,7 @@ from ibrpipe.io.scenes.painted import read_painted
 from ibrpipe.io.scenes.placement import placement_matrix, read_matrices, singular
 from ibrpipe.io.surfaces.materials import read_relief_meshes
 from ibrpipe.io.surfaces.relief_images import read_relief_folder
+from ibrpipe.io.untrusted.inside import leads_inside
 from ibrpipe.io.yaml_settings import Key, Settings, parse, validated
 from ibrpipe.types import Array, Instances, Light, Lighting, PaintedMesh, Part, ReliefTexture, Scene
 from ibrpipe.types.camera import ParallelFrame
@@ -123,11 +124,12 @@ class _Reader:
 
     def _path(self, name: str | None, key: Key) -> Path:
         """Return the place of a file in the scene's folder."""
-        given = PureWindowsPath(name or "")
-        if given.drive or given.root or ".." in given.parts or not name:
+        given, folder = PureWindowsPath(name or ""), self._file.parent
+        led_out = given.drive or given.root or ".." in given.parts or not name
+        if led_out or not leads_inside(folder, folder / str(name)):
             place = self._settings.place(key)
             raise ConfigError(f"{place}: {name!r} leads out of the scene's folder; put what it names there")
-        return self._file.parent / name
+        return folder / str(name)
 
     @contextmanager
     def _at(self, key: Key) -> Iterator[None]:

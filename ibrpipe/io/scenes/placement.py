@@ -9,6 +9,7 @@ import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.documents.scene import Placement, Rotation
+from ibrpipe.io.untrusted.arrays import load_npy
 from ibrpipe.types import Array
 
 
@@ -48,13 +49,9 @@ def read_matrices(file: Path) -> Array:
     """
     if not file.is_file():
         raise MissingFileError(f"{file}: the matrices do not exist; write them with numpy.save")
-    try:
-        found = np.load(file, allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise FormatError(f"{file}: not a NumPy array file ({error}); write it with numpy.save") from error
-    plain = isinstance(found, np.ndarray) and found.dtype.kind in "fiu"
-    if not plain or found.ndim != 3 or found.shape[1:] not in ((4, 4), (3, 4)):
-        told = f"{found.dtype} {found.shape}" if isinstance(found, np.ndarray) else "an archive"
+    found = load_npy(file)
+    if found.dtype.kind not in "fiu" or found.ndim != 3 or found.shape[1:] not in ((4, 4), (3, 4)):
+        told = f"{found.dtype} {found.shape}"
         raise FormatError(f"{file}: matrices must be (N, 4, 4) or (N, 3, 4) numbers, got {told}")
     matrices = np.tile(np.eye(4), (len(found), 1, 1))
     matrices[:, : found.shape[1]] = found

@@ -7,6 +7,7 @@ from pathlib import Path
 from ibrpipe.errors import ConfigError, FormatError, MissingFileError
 from ibrpipe.io.scenes.folder import NAME, read_folder
 from ibrpipe.io.scenes.gltf import read_gltf
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Scene
 
 _GLTF, _YAML = (".glb", ".gltf"), (".yaml", ".yml")
@@ -17,6 +18,7 @@ def is_scene(path: Path) -> bool:
     return (path / NAME).is_file() or (path.is_file() and path.suffix.lower() in (*_GLTF, *_YAML))
 
 
+@reader("mend the scene")
 def read_scene(path: str | Path) -> Scene:
     """Read a scene.
 

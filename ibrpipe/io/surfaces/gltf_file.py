@@ -18,6 +18,8 @@ from urllib.parse import unquote
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError
+from ibrpipe.io.untrusted.boundary import reason
+from ibrpipe.io.untrusted.inside import inside
 from ibrpipe.types import Array
 
 #: names under which trimesh keeps tangents, which it else leaves out
@@ -31,6 +33,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "
 _FLOATS = ("POSITION", "NORMAL", TANGENT, "TEXCOORD", COLOR)
 _TEXTURES = ("baseColorTexture", "diffuseTexture", "normalTexture")
 Json = dict[str, Any]
+_BESIDE = "put what the mesh names beside it, and export it again"
 
 
 def plain_gltf(path: Path, materials: bool = True, strict: bool = True) -> bytes:
@@ -62,8 +65,8 @@ def make_plain(file: GltfFile, materials: bool = True, strict: bool = True, know
     unknown = [name for name in required if name not in (*_KNOWN, *known) and (materials or "texture" not in name)]
     if unknown:
         raise FormatError(f"{path}: needs {', '.join(unknown)}, which is not read; export it without, as plain glTF")
-    if materials and strict:
-        _check_images(file)
+    if materials:
+        _check_images(file, strict)
     for mesh in file.json.get("meshes", []):
         for primitive in mesh["primitives"]:
             _make_plain(file, primitive, materials)
@@ -86,8 +89,10 @@ class GltfFile:
             text = self.chunks[0][1] if self.chunks else b""
         try:
             self.json: Json = json.loads(text)
-        except (ValueError, UnicodeDecodeError) as error:
-            raise FormatError(f"{path}: the mesh is damaged ({error}); export it again") from error
+        except (ValueError, RecursionError) as error:
+            raise FormatError(f"{path}: the mesh is damaged ({reason(error)}); export it again") from error
+        if not isinstance(self.json, dict):
+            raise FormatError(f"{path}: the mesh is damaged (its JSON is no object); export it again")
 
     def view(self, index: int) -> bytes:
         """Return the bytes of a buffer view."""
@@ -103,7 +108,7 @@ class GltfFile:
             return next((content for kind, content in self.chunks if kind == b"BIN\0"), b"")
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2])
-        found = self.path.parent / unquote(uri)
+        found = inside(self.path.parent, unquote(uri), self.path, _BESIDE)
         if not found.is_file():
             raise MissingFileError(f"{found}: the buffer that {self.path.name} names does not exist; put it there")
         return found.read_bytes()
@@ -242,12 +247,14 @@ def _way(info: Json) -> tuple[int, tuple[float, ...], float, tuple[float, ...]]:
     return int(number), offset, float(change.get("rotation", 0.0)), scale
 
 
-def _check_images(file: GltfFile) -> None:
-    """Look for the files of textures: trimesh leaves out in silence what it does not find."""
+def _check_images(file: GltfFile, strict: bool) -> None:
+    """Look for the files of textures beside the mesh: trimesh leaves out in silence what it does not find."""
     for image in file.json.get("images", []):
         uri = image.get("uri", "data:")
-        if image.get("mimeType") == "image/ktx2" or uri.lower().endswith(".ktx2"):
+        if strict and (image.get("mimeType") == "image/ktx2" or uri.lower().endswith(".ktx2")):
             raise FormatError(f"{file.path}: a texture is KTX2, which is not read; export it with PNG or JPEG textures")
-        found = file.path.parent / unquote(uri)
-        if not uri.startswith("data:") and not found.is_file():
+        if uri.startswith("data:"):
+            continue
+        found = inside(file.path.parent, unquote(uri), file.path, _BESIDE)
+        if strict and not found.is_file():
             raise MissingFileError(f"{found}: the texture that {file.path.name} names does not exist; put it there")

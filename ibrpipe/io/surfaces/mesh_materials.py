@@ -18,6 +18,7 @@ from ibrpipe.io.surfaces.gltf_file import KEPT
 from ibrpipe.io.surfaces.mtl_file import Map, Material
 from ibrpipe.io.surfaces.relief_images import read_height
 from ibrpipe.io.surfaces.scene_files import OBJ_MATERIAL, SUFFIXES, read_parts
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array, Mesh
 
 #: entries of an OBJ material that name a normal map, a height map, and one or the other (a normal map has colours)
@@ -37,6 +38,7 @@ class Textured:
     tangents: Array | None = None
 
 
+@reader("export the mesh again")
 def read_textured(path: Path) -> Textured:
     """Read a mesh file as one mesh with the textures of its material, where it has them.
 
@@ -53,6 +55,7 @@ def read_textured(path: Path) -> Textured:
     return _join(path, parts, textured[0][0] if textured else None)
 
 
+@reader("export the mesh again")
 def read_materials(path: Path) -> list[Textured]:
     """Read a mesh file as one mesh for each textured material, and one for all that has no texture.
 

@@ -10,11 +10,13 @@ import numpy as np
 
 from ibrpipe.errors import FormatError, IbrError
 from ibrpipe.io.surfaces.scene_files import read_parts
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array, Mesh
 
 _PLY_KINDS = {"double": "<f8", "float": "<f4", "int": "<i4", "uint": "<u4", "uchar": "u1", "short": "<i2"}
 
 
+@reader("export the mesh again")
 def read_mesh(path: Path) -> Mesh:
     """Read a triangle mesh; a scene's parts are joined, polygons are cut into triangles, materials are left out.
 
@@ -49,6 +51,7 @@ def read_surface(path: Path) -> Mesh:
     return Mesh(mesh.vertices[used], faces.reshape(-1, 3))
 
 
+@reader("export the mesh again")
 def has_faces(path: Path) -> bool:
     """Say whether a file holds a surface: a PLY may be a point cloud. Other kinds, and damaged files, count as such."""
     if path.suffix.lower() != ".ply":
@@ -94,6 +97,7 @@ def write_mesh(mesh: Mesh, path: Path, values: Mapping[str, Array] | None = None
         target.write(faces.tobytes())
 
 
+@reader("export the mesh again")
 def read_vertex_values(path: Path) -> dict[str, Array]:
     """Read the further properties of the vertices of a PLY that `write_mesh` wrote, name to (V,); none in others."""
     with path.open("rb") as source:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.cameras.shots import PhotoFolder
+from ibrpipe.io.untrusted.inside import leads_inside
 
 #: Options before the name of a map, and how many words at most follow them; fewer where they are no numbers
 _OPTIONS = {
@@ -66,7 +67,7 @@ def read_mtl(obj: Path, named: Sequence[str], strict: bool = True) -> dict[str, 
     MissingFileError
         A material file, or a map of it that is used here, does not exist.
     """
-    files = PhotoFolder(obj.parent)
+    files = PhotoFolder(obj.parent, closed=True)
     found: dict[str, Material] = {}
     for words in named:
         whole = _file(files, words, obj)
@@ -89,7 +90,7 @@ def plain_mtl(materials: Mapping[str, Material]) -> bytes:
 
 
 def _materials(path: Path, obj: Path, strict: bool) -> dict[str, Material]:
-    stored, files = path.read_bytes(), PhotoFolder(path.parent)
+    stored, files = path.read_bytes(), PhotoFolder(path.parent, closed=True)
     try:
         text = stored.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -160,14 +161,15 @@ def _file(files: PhotoFolder, name: str, source: Path) -> Path | None:
     if found is not None:
         return found
     wanted = name.replace("\\", "/").rpartition("/")[2].casefold()
-    return next((each for each in sorted(files.root.iterdir()) if each.name.casefold() == wanted), None)
+    beside = (each for each in sorted(files.root.iterdir()) if each.name.casefold() == wanted)
+    return next((each for each in beside if leads_inside(files.root, each)), None)
 
 
 def _find(files: PhotoFolder, name: str, source: Path, what: str, where: str, strict: bool) -> Path | None:
     found = _file(files, name, source)
     if found is None and strict:
         raise MissingFileError(
-            f"{files.root / name}: the {what} that {source.name} names does not exist{where}; put it there, or remove "
-            "the line"
+            f"{files.root / name}: the {what} that {source.name} names does not exist{where}; put it there, "
+            "or remove the line"
         )
     return found

@@ -6,15 +6,17 @@ scale unless a range says otherwise; float files and arrays hold heights as they
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError, ShapeError, ValueRangeError
 from ibrpipe.io.photos.image_files import read_stored, turned
 from ibrpipe.io.photos.images import read_image
+from ibrpipe.io.untrusted.arrays import load_npy, load_npz
+from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array
 
 SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".npy", ".npz", ".jpg", ".jpeg", ".webp", ".hdr")
@@ -79,6 +81,7 @@ def read_height(path: str | Path, depth_range: tuple[float, float] | None = None
     return np.ascontiguousarray(heights, np.float32)
 
 
+@reader("export it again")
 def read_normals(path: str | Path, green_up: bool = True) -> Array:
     """Read a tangent-space normal map: (H, W, 3) float32, unit; right, down, out of the surface.
 
@@ -103,6 +106,7 @@ def read_normals(path: str | Path, green_up: bool = True) -> Array:
     return np.ascontiguousarray(turned((normal / length).astype(np.float32), header.orientation))
 
 
+@reader("export it again")
 def read_relief_folder(path: str | Path, depth_range: tuple[float, float] | None = None) -> ReliefImages:
     """Read a folder that holds ``height.*`` and, where there are any, ``color.*`` and ``normal[_gl|_dx].*``.
 
@@ -138,6 +142,7 @@ def read_relief_folder(path: str | Path, depth_range: tuple[float, float] | None
     return ReliefImages(height, color, normal)
 
 
+@reader("export it again")
 def read_color(path: str | Path) -> Array:
     """Read a colour image without its alpha: (H, W, 3) float32, linear; grey becomes three equal channels."""
     picture = read_image(Path(path))
@@ -154,11 +159,7 @@ def _find(folder: Path, kind: str) -> Path | None:
 def _array_file(file: Path) -> Array:
     if not file.is_file():
         raise MissingFileError(f"{file}: the height map does not exist")
-    try:
-        loaded: Any = np.load(file, allow_pickle=False)
-        arrays = [loaded] if isinstance(loaded, np.ndarray) else [loaded[key] for key in loaded.files]
-    except (ValueError, EOFError, OSError) as error:
-        raise FormatError(f"{file}: not a NumPy array file ({error}); write it with numpy.save") from error
+    arrays = list(load_npz(file).values()) if zipfile.is_zipfile(file) else [load_npy(file)]
     planes = [array for array in arrays if array.ndim == 2]
     if len(planes) != 1 or not np.issubdtype(planes[0].dtype, np.number) or np.iscomplexobj(planes[0]):
         raise FormatError(f"{file}: a height map is one real array (H, W), got shapes {[a.shape for a in arrays]}")

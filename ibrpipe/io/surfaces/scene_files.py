@@ -17,6 +17,8 @@ from ibrpipe.io.surfaces.mtl_file import Material
 from ibrpipe.io.surfaces.obj_file import MATERIALS, plain_obj
 from ibrpipe.io.surfaces.ply_polygons import read_polygons
 from ibrpipe.io.surfaces.polygons import cut_ears, wrong_as_fans
+from ibrpipe.io.untrusted.boundary import reader, reason
+from ibrpipe.io.untrusted.inside import leads_inside
 from ibrpipe.types import Array
 
 #: name under which the material of an OBJ is kept with trimesh's
@@ -31,6 +33,7 @@ class MeshFile:
     parts: list[Any]
 
 
+@reader("export the mesh again")
 def read_parts(path: Path, materials: bool = True, strict: bool = True) -> MeshFile:
     """Read a mesh file.
 
@@ -63,8 +66,8 @@ def read_parts(path: Path, materials: bool = True, strict: bool = True) -> MeshF
             _keep_material(part, known)
     except IbrError:
         raise
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, OSError, EOFError, ArithmeticError) as error:
-        raise FormatError(f"{path}: the mesh is damaged ({' '.join(str(error).split())}); export it again") from error
+    except Exception as error:  # trimesh raises nearly everything on damaged files
+        raise FormatError(f"{path}: the mesh is damaged ({reason(error)}); export it again") from error
     if not parts:
         raise FormatError(f"{path}: holds no triangles; give a surface, not a point cloud or an empty file")
     return MeshFile(parts)
@@ -80,7 +83,7 @@ def _scene(path: Path, materials: bool, strict: bool) -> tuple[Any, Mapping[str,
         return load_gltf(path, plain_gltf(path, materials, strict), materials), {}
     if kind == "obj":
         plain = plain_obj(path, materials, strict)
-        resolver = _Resolver(trimesh.resolvers.FilePathResolver(str(path)), plain.mtl)
+        resolver = _Resolver(trimesh.resolvers.FilePathResolver(str(path)), path.parent, plain.mtl)
         scene = trimesh.load_scene(io.BytesIO(plain.text), file_type=kind, resolver=resolver, **options)
         return scene, plain.materials
     if kind == "ply":
@@ -119,15 +122,16 @@ def _ply_scene(path: Path, options: dict[str, bool]) -> Any:
 class _Resolver:
     """Finds files beside a mesh, and its materials."""
 
-    def __init__(self, files: Any, mtl: bytes) -> None:
-        self._files, self._mtl = files, mtl
+    def __init__(self, files: Any, folder: Path, mtl: bytes) -> None:
+        self._files, self._folder, self._mtl = files, folder, mtl
 
     def get(self, name: str) -> bytes:
         """Return the content of a file."""
         if name == MATERIALS:
             return self._mtl
         place = Path(name)
-        return place.read_bytes() if place.is_absolute() else bytes(self._files.get(name))
+        inside = place.is_absolute() and leads_inside(self._folder, place)
+        return place.read_bytes() if inside else bytes(self._files.get(name))
 
     def __getitem__(self, name: str) -> bytes:
         return self.get(name)
