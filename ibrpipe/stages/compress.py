@@ -126,13 +126,16 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
     views = read_views(inputs.views)
     fit = PhotoFit(_spread(views.train, config.measured_views))
     first = Source(inputs.asset, read_index(inputs.asset), read_asset(inputs.asset))
-    before = mean_of(fit.each(first.asset))
+    each, every = fit.each(first.asset), max(1, -(-len(fit.views) // _FEW))
+    before, few = mean_of(each), mean_of(each[::every])
     with TemporaryDirectory(prefix="ibrpipe-") as scratch:
         for factor in _factors(config):
             folder = Path(scratch) / str(factor)
             source = first if factor == 1 else write_coarser(first, factor, folder)
             coder = Coder(source, fit.psnr, inputs.out)
-            step, why, found, parts = _choose(coder, fit, config, _rounded(before))
+            few = few if factor == 1 or before is None else fit.psnr(source.asset, every)
+            parts = Parts(source, lambda changed: fit.psnr(changed, every), few or 0.0)
+            step, why, found, told_parts = _choose(coder, parts, config, _rounded(before))
             if found:
                 break
         chosen = coder.settle(step, lambda trial: _kept(trial, config, before, len(first.index.textures)))
@@ -143,7 +146,7 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
             bytes_before=size_of(inputs.asset),
             psnr_before=_rounded(before),
             views=[view.name for view in fit.views],
-            parts=parts,
+            parts=told_parts,
             trials=coder.trials,
         )
         _finish(coder, views, told, first)
@@ -180,7 +183,7 @@ def _fixed(config: CompressConfig) -> dict[str, Level]:
 
 
 def _choose(
-    coder: Coder, fit: PhotoFit, config: CompressConfig, before: float | None
+    coder: Coder, parts: Parts, config: CompressConfig, before: float | None
 ) -> tuple[CodingStep, str, bool, dict[str, list[PartLevel]]]:
     """Return the step to take, why, whether it keeps the target, and what the parts weigh and cost."""
     if config.lossless:
@@ -188,12 +191,11 @@ def _choose(
     if before is None:
         why = "no photo shows the asset, so that nothing can be measured: every bit is kept"
         return CodingStep(), why, True, {}
-    every = -(-len(fit.views) // _FEW)
-    few, fixed = fit.psnr(coder.source.asset, every), _fixed(config)
-    curves = curves_of(Parts(coder.source, lambda changed: fit.psnr(changed, every), few or 0.0), fixed)
+    fixed = _fixed(config)
+    curves = curves_of(parts, fixed)
     ladder = choices(curves)
     steps = [step_of_choice(choice, fixed) for choice in ladder]
-    parts = {name: _told(name, curve, before, fixed) for name, curve in curves.items()}
+    told = {name: _told(name, curve, before, fixed) for name, curve in curves.items()}
 
     def attempt(place: int) -> tuple[int, float]:
         trial = coder.tried(steps[place])
@@ -202,19 +204,19 @@ def _choose(
     if config.target_mb is not None:
         found = finest_within(ladder, _most(config.target_mb, len(coder.source.index.textures)), attempt)
         if found is None:
-            return steps[-1], f"even the coarsest coding is larger than {config.target_mb:g} MB", False, parts
-        return steps[found], f"the finest coding of at most {config.target_mb:g} MB", True, parts
+            return steps[-1], f"even the coarsest coding is larger than {config.target_mb:g} MB", False, told
+        return steps[found], f"the finest coding of at most {config.target_mb:g} MB", True, told
     wanted = _wanted(config, before)
     found = coarsest_within(ladder, square(wanted) - square(before), attempt)
     if found is None:
         how = "with the settings given" if fixed or config.joined_texels else "even without losses"
         step = steps[0] if fixed else CodingStep()
-        return step, f"{how} the photos are not shown at {wanted:.2f} dB", False, parts
+        return step, f"{how} the photos are not shown at {wanted:.2f} dB", False, told
     if config.target_db is not None:
         why = f"the coarsest coding that shows the measured photos at {config.target_db:g} dB or better"
-        return steps[found], why, True, parts
+        return steps[found], why, True, told
     why = f"the coarsest coding that loses at most {config.loss_db:g} dB on the measured photos"
-    return steps[found], why, True, parts
+    return steps[found], why, True, told
 
 
 def _wanted(config: CompressConfig, before: float) -> float:
