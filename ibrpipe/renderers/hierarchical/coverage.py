@@ -24,6 +24,8 @@ _SIZE, _FOCAL, _TEXELS, _TESTS = 48, 480.0, 23, 7
 OVERLAP = 1.0 / 3.0
 #: what slabs may leak that do not overlap, and what share of it they may leak that do, to be chosen
 _LEAK, _SHARE = 0.001, 0.7
+#: share of what is covered that must lie inside: leaves would be counted twice
+_SOLID = 0.2
 
 
 @dataclass(frozen=True)
@@ -57,14 +59,15 @@ def _leaks(nodes: Nodes, library: Prerendered) -> dict[str, float]:
     shaded = ShadedSlices(library, np.zeros((len(library.names), 2)))
     leaks = {}
     for part, name in enumerate(library.names):
-        node, total, count = nodes.names.index(name), 0.0, 0
+        node, total, count, covered = nodes.names.index(name), 0.0, 0, 0.0
         for axes in view_axes(_TESTS):
             view = _view(library.spheres[part], axes[2])
             one, exact = (_coverage(nodes, each, library, shaded, node, view) for each in (sliced, polygons))
             inside = ndimage.binary_erosion(exact == 1.0, np.ones((3, 3)))
             total += float((1.0 - one[inside]).sum())
             count += int(inside.sum())
-        leaks[name] = total / max(count, 1)
+            covered += float(exact.sum())
+        leaks[name] = total / count if count > _SOLID * covered else 0.0
     return leaks
 
 

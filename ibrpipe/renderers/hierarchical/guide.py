@@ -14,7 +14,7 @@ from ibrpipe.types.prerendered import HEIGHT, WIDTH, Prerendered
 
 #: relative times of a texel of a slice, a slice, a pixel and a triangle (measured), and how much more polygons may
 #: take, which are exact
-_TEXEL, _SLICE, _PIXEL, _TRIANGLE, _FAVOUR = 5.0, 150.0, 6.0, 150.0, 4.0
+_TEXEL, _SLICE, _PIXEL, _TRIANGLE, _FAVOUR = 5.0, 150.0, 6.0, 150.0, 3.0
 
 
 @dataclass(frozen=True, eq=False)
