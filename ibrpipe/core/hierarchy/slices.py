@@ -15,7 +15,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.hierarchy.shade import irradiance, lights_of_key
-from ibrpipe.core.hierarchy.traverse import determinant, octahedral_cell, solve, stretch
+from ibrpipe.core.hierarchy.traverse import determinant, octahedral_cell, solve
 from ibrpipe.core.jit import helper, kernel
 
 #: cells along a side of the octahedral map of light directions
@@ -82,9 +82,8 @@ def apply(pose, x, y, z, shift, out, column):
 
 
 @helper
-def image_of_plane(pose, calibration, sphere, axes, texel, half, height, out):
-    # -> out (9,): pixel (x w, y w, w) of texel (u, v, 1) of the plane at `height`; half: R / 2
-    camera = np.empty(9)
+def image_of_plane(pose, calibration, sphere, axes, texel, half, height, camera, out):
+    # camera (9,): working memory; half: R / 2 -> out (9,): pixel (x w, y w, w) of texel (u, v, 1) of a plane
     a, b, d = axes[0], axes[1], axes[2]
     apply(pose, texel * a[0], texel * a[1], texel * a[2], 0.0, camera, 0)
     apply(pose, texel * b[0], texel * b[1], texel * b[2], 0.0, camera, 1)
@@ -103,36 +102,42 @@ def image_of_plane(pose, calibration, sphere, axes, texel, half, height, out):
 
 
 @helper
-def light_gains(pose, lights, bins, lighting, moments, out):
-    # what the shade of a whole slab changes by when its lights are not in the middles of their bins -> out (3,)
+def invert_pose(pose, out):
+    # -> out (3, 3): inverse of the left 3 x 3
     det = determinant(pose)
-    exact = np.empty((len(lights), 3))
-    size = stretch(pose)
-    for n in range(len(lights)):
-        x, y, z = solve(pose, det, lights[n, 0], lights[n, 1], lights[n, 2])
-        exact[n, 0], exact[n, 1], exact[n, 2] = x, y, z
-    spread = normal_stretch(pose, det, moments, size)
+    for column in range(3):
+        x, y, z = solve(
+            pose, det, 1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0, 1.0 if column == 2 else 0.0
+        )
+        out[0, column], out[1, column], out[2, column] = x, y, z
+
+
+@helper
+def normal_stretch(inverse, moments):
+    # root mean square length of normals under the inverse transpose of M; 1 / scale of a similarity
+    total = 0.0
+    xx, yy, xy, xz, yz = moments[7], moments[8], moments[9], moments[10], moments[11]
+    zz = max(1.0 - xx - yy, 0.0)
+    for axis in range(3):
+        x, y, z = inverse[0, axis], inverse[1, axis], inverse[2, axis]
+        total += xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
+    return math.sqrt(max(total, 1e-300))
+
+
+@helper
+def light_gains(inverse, lights, bins, lighting, moments, work, out):
+    # what the shade of a whole slab changes by when its lights are not in the middles of their bins -> out (3,)
+    exact, wanted, stored = work
+    spread = normal_stretch(inverse, moments)
     for n in range(len(lights)):
         for c in range(3):
-            exact[n, c] /= spread
-    wanted, stored = np.empty(3), np.empty(3)
+            exact[n, c] = (
+                inverse[c, 0] * lights[n, 0] + inverse[c, 1] * lights[n, 1] + inverse[c, 2] * lights[n, 2]
+            ) / spread
     irradiance(moments, 4, exact, lighting[1:], lighting[0], wanted)
     irradiance(moments, 4, bins, lighting[1:], lighting[0], stored)
     for c in range(3):
         out[c] = wanted[c] / stored[c] if stored[c] > 1e-9 else 1.0
-
-
-@helper
-def normal_stretch(pose, det, moments, size):
-    # root mean square length of normals under the inverse transpose of M; 1 / scale of a similarity
-    total = 0.0
-    xx, yy, xy, xz, yz = moments[7], moments[8], moments[9], moments[10], moments[11]
-    for axis in range(3):
-        x, y, z = solve(pose, det, 1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
-        total += (
-            xx * x * x + yy * y * y + max(1.0 - xx - yy, 0.0) * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
-        )
-    return math.sqrt(total) if total > 0.0 else 1.0 / size
 
 
 @kernel
@@ -146,15 +151,19 @@ def place_slices(draws, poses, tables, slabs, heights, means, view, lights, ligh
     calibration, limits = view
     for i in prange(len(draws)):
         node, level, direction = draws[i, 0], draws[i, 1] >> 16, draws[i, 1] & 0xFFFF
-        forward, gains = np.empty(9), np.empty(3)
-        bins = np.empty((len(lights), 3))
+        forward, camera, gains = np.empty(9), np.empty(9), np.empty(3)
+        bins, inverse = np.empty((len(lights), 3)), np.empty((3, 3))
+        work = (np.empty((len(lights), 3)), np.empty(3), np.empty(3))
+        invert_pose(poses[i], inverse)
         lights_of_key(draws[i, 5], len(lights), BINS, bins)
         half = 0.5 * resolutions[level]
         texel = spheres[node, 3] / half
         d = axes[direction, 2]
         for n in range(counts[i]):
             s, j = draws[i, 2] + n, draws[i, 3] + n
-            image_of_plane(poses[i], calibration, spheres[node], axes[direction], texel, half, heights[s], forward)
+            image_of_plane(
+                poses[i], calibration, spheres[node], axes[direction], texel, half, heights[s], camera, forward
+            )
             u, v, width, height = slabs[s, 0], slabs[s, 1], slabs[s, 2], slabs[s, 3]
             found = box_of(forward, u, v, width, height, limits, pixels[j]) and invert(forward, numbers[j])
             if not found:
@@ -162,7 +171,7 @@ def place_slices(draws, poses, tables, slabs, heights, means, view, lights, ligh
             for c in range(3):
                 numbers[j, c] += (0.5 - u) * numbers[j, 6 + c]
                 numbers[j, 3 + c] += (0.5 - v) * numbers[j, 6 + c]
-            light_gains(poses[i], lights, bins, lighting, means[s], gains)
+            light_gains(inverse, lights, bins, lighting, means[s], work, gains)
             for c in range(3):
                 numbers[j, 9 + c] = gains[c] * peaks[i]
             pixels[j, 4] = draws[i, 4] + slabs[s, 5]
