@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ibrpipe.errors import RendererError, ShapeError
 from ibrpipe.types import Array, Frame
@@ -14,7 +15,8 @@ def composite(frames: Sequence[Frame]) -> Frame:
     """Put frames of one camera together by depth; of equally near ones the first is in front.
 
     A pixel that a frame covers in part lets what is behind show through by 1 - alpha. One that it does not cover at all
-    is as if it had not hit anything.
+    is as if it had not hit anything. Where it covers something and has no depth, as at edges of several rays, the least
+    depth beside is taken; without any it lies behind all.
 
     Parameters
     ----------
@@ -44,6 +46,7 @@ def composite(frames: Sequence[Frame]) -> Frame:
             raise RendererError(f"some frames hold {name} and some do not; ask for the same outputs")
     depth = np.stack(depths)
     cover = _cover(frames, depth)
+    depth = np.stack([_filled(*each) for each in zip(depth, cover)])
     order = np.argsort(np.where(cover > 0, depth, np.inf), axis=0, kind="stable")
     cover, depth = (np.take_along_axis(each, order, axis=0) for each in (cover, depth))
     through = np.cumprod(np.concatenate([np.ones_like(cover[:1]), 1.0 - cover]), axis=0)  # before every frame, and last
@@ -63,11 +66,19 @@ def composite(frames: Sequence[Frame]) -> Frame:
 
 
 def _cover(frames: Sequence[Frame], depth: Array) -> Array:
-    """Share (N, H, W) float64 of each pixel that frames cover; 0 where they hit nothing."""
+    """Share (N, H, W) float64 of each pixel that frames cover; without alpha all of what they hit."""
     if frames[0].alpha is None:
         return np.isfinite(depth).astype(np.float64)
-    alpha = np.stack([frame.alpha for frame in frames]).astype(np.float64)  # type: ignore[misc]
-    return np.where(np.isfinite(depth), alpha, 0.0)
+    return np.stack([frame.alpha for frame in frames]).astype(np.float64)  # type: ignore[misc]
+
+
+def _filled(depth: Array, cover: Array) -> Array:
+    """Depth (H, W) with the least of the eight beside where there is cover without depth."""
+    bare = (cover > 0) & ~np.isfinite(depth)
+    if not bare.any():
+        return depth
+    around = sliding_window_view(np.pad(depth, 1, constant_values=np.inf), (3, 3))
+    return np.where(bare, around.min(axis=(2, 3)), depth)
 
 
 def _depth(depth: Array, shown: Array, through: Array) -> Array:

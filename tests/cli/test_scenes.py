@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import ibrpipe
 from ibrpipe.cli.main import cli
 from ibrpipe.errors import ConfigError
+from ibrpipe.io.paths import asset_bounds
 from ibrpipe.io.photos.images import read_image
 from ibrpipe.stages.render import _shown_bounds
 from ibrpipe.synthetic.instanced.forest import forest
+from ibrpipe.types.camera import ParallelFrame
+from ibrpipe.types.layers import single_layer
 
 
 def call(*args):
@@ -47,6 +51,31 @@ def test_a_forest_is_written_and_inspected(tmp_path):
 def test_wrong_settings_of_scenes_are_told(args, message):
     result = call("synth", *args)
     assert (result.exit_code, message in result.stderr) == (2, True), result.output
+
+
+def test_an_asset_stands_on_a_lawn_in_a_clearing(tmp_path):
+    asset = tmp_path / "asset"
+    depth = np.tile(np.linspace(1.0, 1.5, 8, dtype=np.float32), (6, 1))
+    frame = ParallelFrame(np.zeros(3), np.array([0.1, 0, 0]), np.array([0, 0, -0.2]), np.array([0, 1.0, 0]))
+    layers = single_layer(frame, depth, np.full((6, 8, 3), 0.5, np.float32), observed=True)
+    ibrpipe.write_asset(ibrpipe.Asset((ibrpipe.Texture(layers),)), asset)
+    made = call("synth", "forest", tmp_path / "scene", "--trees", 30, "--asset", asset, "--asset-height", 2)
+    assert made.exit_code == 0, made.output
+    scene = ibrpipe.read_scene(tmp_path / "scene")
+    held = {copies.part: copies.matrices for copies in scene.parts["forest"].children}
+    bounds = scene.bounds["captured"]
+    world = held["captured"][0]
+    low, high = asset_bounds(scene.parts["captured"].sources[0])
+    np.testing.assert_allclose((world[:3, :3] @ (high - low))[2], 2.0)
+    bottom = world[:3, :3] @ [*(0.5 * (low + high))[:2], low[2]] + world[:3, 3]
+    np.testing.assert_allclose(bottom, [0, 0, 0.02], atol=1e-12)
+    assert not bounds.empty
+    trees = np.concatenate([held["maple-tree"], held["oak-tree"]])[:, :2, 3]
+    before = np.concatenate([copies.matrices for copies in forest(30).parts["forest"].children])[:, :2, 3]
+    lawn = np.hypot(*held["grass"][:, :2, 3].T)
+    assert 7 < lawn.max() < np.hypot(*trees.T).min()
+    assert len(trees) == (np.hypot(*before.T) > lawn.max()).sum() < len(before)
+    assert 20 < len(lawn) / (np.pi * lawn.max() ** 2) < 30
 
 
 def test_a_folder_with_other_things_is_left_alone(tmp_path):

@@ -22,7 +22,7 @@ def plain_over(layers):
     """One pixel of layers (colour, depth, alpha): a plain loop."""
     color, through, depth, farthest = np.zeros(3), 1.0, None, np.inf
     for tint, far, cover in sorted(layers, key=lambda each: each[1]):
-        if np.isfinite(far) and cover > 0:
+        if cover > 0:
             color += through * cover * np.asarray(tint, float)
             through *= 1.0 - cover
             farthest = far
@@ -35,8 +35,8 @@ def test_frames_agree_with_a_loop_over_pixels():
     rng = np.random.default_rng(3)
     shape = (20, 30)
     depths = rng.uniform(1, 5, (4, *shape)).astype(np.float32)
-    depths[rng.random(depths.shape) < 0.2] = np.inf
     alphas = rng.choice(np.float32([0, 0.1, 0.5, 0.9, 1]), (4, *shape))
+    depths[alphas == 0] = np.inf
     colors = rng.random((4, *shape, 3)).astype(np.float32)
     found = ibrpipe.composite([Frame(*each) for each in zip(colors, depths, alphas)])
     for y in range(shape[0]):
@@ -68,8 +68,18 @@ def test_what_is_not_covered_hides_nothing():
     found = ibrpipe.composite([frame((0, 0, 0), 1.0, 0.0), frame((0, 1, 0), 2.0, 1.0)])
     np.testing.assert_array_equal(found.color[0, 0], [0, 1, 0])
     assert found.depth[0, 0] == 2.0
-    nothing = ibrpipe.composite([frame((9, 9, 9), np.inf, 1.0)] * 2)
+    nothing = ibrpipe.composite([frame((9, 9, 9), np.inf, 0.0)] * 2)
     assert (nothing.color.max(), nothing.alpha.max(), nothing.depth.min()) == (0.0, 0.0, np.inf)
+
+
+def test_cover_without_depth_takes_the_depth_beside_it_or_lies_behind_all():
+    depth = np.full((3, 5), np.inf, np.float32)
+    depth[1, 1] = 2.0
+    rim = Frame(np.full((3, 5, 3), 0.5, np.float32), depth, np.full((3, 5), 0.5, np.float32))
+    found = ibrpipe.composite([rim, frame((1, 0, 0), 3.0, 1.0, (3, 5))])
+    np.testing.assert_allclose(found.color[0, 0], [0.75, 0.25, 0.25])
+    np.testing.assert_array_equal(found.color[0, 4], [1, 0, 0])
+    np.testing.assert_array_equal(found.depth[1], [2, 2, 2, 3, 3])
 
 
 def test_frames_without_alpha_are_opaque():

@@ -161,10 +161,11 @@ def finish_tile(planes, back):
 
 
 @kernel
-def draw_tiles(tiles, groups, size, slices, texels, triangles, noted, color, alpha, depth):
+def draw_tiles(tiles, groups, size, slices, texels, triangles, captured, noted, color, alpha, depth):
     # tiles (T,) i64: numbers of tiles, dealt to `groups` in turn; size: columns of tiles, width, height
     # slices: starts (T + 1,) i64, items (E,) i64, numbers (J, 12) f64, pixels (J, 8) i64, depths (J,) f32
     # texels (N,) u64: pairs of shaded texels; triangles: starts, items, numbers (F, 21) f32, boxes (F, 4) i64
+    # captured: color (H, W, 3), alpha, depth (H, W) f32 of what other renderers drew, or empty
     # noted: whether depth is asked for -> color (H, W, 3) f32, straight; alpha, depth (H, W) f32
     starts, items, numbers, pixels, depths = slices
     face_starts, face_items, face_numbers, face_boxes = triangles
@@ -217,6 +218,7 @@ def draw_tiles(tiles, groups, size, slices, texels, triangles, noted, color, alp
                     fr.resolve_pixel(
                         j, i, left, top, (near, face), (face_numbers, face_boxes), (limit, back), partial, work
                     )
+            fr.add_captured(left, top, right, bottom, captured, (limit, back), partial, state)
             first, last = starts[tile], starts[tile + 1]
             ends = np.zeros(last - first + 2 if state[0] > 0 else 2, np.int64)
             done = 0

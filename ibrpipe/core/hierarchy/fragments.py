@@ -16,8 +16,8 @@ from ibrpipe.core.jit import fused, helper
 #: samples along a side of a pixel, and of a tile
 GRID = 4
 SIDE = TILE * GRID
-#: most fragments of a tile
-FRAGMENTS = TILE * TILE * GRID * GRID
+#: most fragments of a tile: of triangles, and one a pixel of what other renderers drew
+FRAGMENTS = TILE * TILE * (GRID * GRID + 1)
 
 
 @fused
@@ -203,6 +203,31 @@ def resolve_pixel(j, i, left, top, samples, triangles, solid, partial, work):
             listed[at, 3], listed[at, 4], places[at] = count / remaining, color[3], p
             state[0] += 1
         remaining -= count
+
+
+@helper
+def add_captured(left, top, right, bottom, captured, solid, partial, state):
+    # what other renderers drew: color (H, W, 3), alpha, depth (H, W) f32, or empty arrays. Pixels that it covers wholly
+    # go to limit, back, others to listed, places as in resolve_pixel
+    color, alpha, depth = captured
+    limit, back = solid
+    listed, places = partial
+    if alpha.size == 0:
+        return
+    for y in range(top, bottom):
+        for x in range(left, right):
+            p = (y - top) * TILE + x - left
+            if alpha[y, x] > 0.0 and depth[y, x] < limit[p]:
+                if alpha[y, x] >= 1.0:
+                    limit[p] = depth[y, x]
+                    for c in range(3):
+                        back[c, p] = color[y, x, c]
+                else:
+                    at = state[0]
+                    for c in range(3):
+                        listed[at, c] = color[y, x, c]
+                    listed[at, 3], listed[at, 4], places[at] = alpha[y, x], depth[y, x], p
+                    state[0] += 1
 
 
 @fused

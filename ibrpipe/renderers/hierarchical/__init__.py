@@ -19,7 +19,10 @@ class HierarchicalRenderer(Renderer["HierarchicalData", HierarchicalOptions]):
     name = "hierarchical"
     summary = "Scenes of many copies of few parts, each drawn from images made beforehand, as finely as the view needs."
     paper = "max1999"
-    limits = "One scene of painted meshes at a time; lights at infinity without shadows; at most four of them."
+    limits = (
+        "One scene at a time; captured things unstretched, in their own light; at most four lights at infinity, no "
+        "shadows."
+    )
     accepts = (Scene, PrerenderedScene)
     Options = HierarchicalOptions
 

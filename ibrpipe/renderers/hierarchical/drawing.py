@@ -11,7 +11,7 @@ from ibrpipe.renderers.hierarchical.nodes import Nodes
 from ibrpipe.renderers.hierarchical.selection import Selection
 from ibrpipe.renderers.hierarchical.shaded import ShadedSlices
 from ibrpipe.renderers.hierarchical.view import View
-from ibrpipe.types import Array
+from ibrpipe.types import Array, Frame
 from ibrpipe.types.prerendered import Prerendered
 
 #: slices and triangles that are set up on one thread: waiting for others costs more
@@ -74,9 +74,17 @@ def sort_into_tiles(sequence: Array, boxes: Array, size: tuple[int, int]) -> tup
 
 
 def draw(
-    slice_list: SliceList, faces: tuple[Array, Array], texels: Array, view: View, noted: bool
+    slice_list: SliceList,
+    faces: tuple[Array, Array],
+    texels: Array,
+    view: View,
+    noted: bool,
+    captured: Frame | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Return straight colour (H, W, 3), coverage (H, W) and, where `noted`, depth (H, W)."""
+    """Return straight colour (H, W, 3), coverage (H, W) and, where `noted`, depth (H, W).
+
+    `captured`: what other renderers drew of the same view; it is put among slices and polygons by its depth.
+    """
     numbers, pixels, depths = slice_list
     width, height = view.size
     sequence = np.empty(len(depths), np.int64)
@@ -87,8 +95,11 @@ def draw(
     tiles = np.argsort(-load, kind="stable")
     color, alpha = np.empty((height, width, 3), np.float32), np.empty((height, width), np.float32)
     depth = np.empty((height, width) if noted else (0, 0), np.float32)
+    nothing = (np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32), np.empty((0, 0), np.float32))
+    between = nothing if captured is None else (captured.color, captured.alpha, captured.depth)
     composite.draw_tiles(
         tiles, numba.get_num_threads(), np.array([-(-width // order.TILE), width, height]),
-        (starts, items, numbers, pixels, depths), texels, (face_starts, face_items, *faces), noted, color, alpha, depth,
+        (starts, items, numbers, pixels, depths), texels, (face_starts, face_items, *faces), between, noted,
+        color, alpha, depth,
     )  # fmt: skip
     return color, alpha, depth

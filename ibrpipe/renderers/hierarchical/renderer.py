@@ -11,6 +11,7 @@ import numpy as np
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.frames import limited_threads, make_frame
 from ibrpipe.renderers.hierarchical import drawing
+from ibrpipe.renderers.hierarchical.captured import CapturedThing, captured_frame, captured_things
 from ibrpipe.renderers.hierarchical.guide import Guide, build_guide
 from ibrpipe.renderers.hierarchical.nodes import Nodes, scene_nodes
 from ibrpipe.renderers.hierarchical.options import HierarchicalOptions
@@ -38,17 +39,24 @@ class HierarchicalData:
     library : Prerendered
     guide : Guide
     lighting : Lighting
+    captured : tuple of CapturedThing
     """
 
     nodes: Nodes
     library: Prerendered
     guide: Guide
     lighting: Lighting
+    captured: tuple[CapturedThing, ...] = ()
 
     @property
     def bytes(self) -> int:
         """Bytes held beyond the scene."""
-        return self.nodes.bytes + self.library.bytes + self.shaded.bytes
+        return (
+            self.nodes.bytes
+            + self.library.bytes
+            + self.shaded.bytes
+            + sum(each.prepared.bytes for each in self.captured)
+        )
 
     @cached_property
     def shaded(self) -> ShadedSlices:
@@ -87,7 +95,8 @@ def prepare(sources: tuple[Scene | PrerenderedScene, ...]) -> HierarchicalData:
     Raises
     ------
     RendererError
-        Several scenes, more lights than can be told apart, or slices of another scene.
+        Several scenes, more lights than can be told apart, slices of another scene, or captured things that are
+        mirrored, sheared or stretched.
     """
     if len(sources) > 1:
         raise RendererError(f"renderer 'hierarchical' draws one scene at a time, got {len(sources)}; make one of them")
@@ -102,7 +111,7 @@ def prepare(sources: tuple[Scene | PrerenderedScene, ...]) -> HierarchicalData:
             raise RendererError(f"the slices are of another scene: it has no part {foreign[0]!r}; prerender this one")
     else:
         library = prerender_all(nodes, Slicing())
-    return HierarchicalData(nodes, library, build_guide(nodes, library), scene.lighting)
+    return HierarchicalData(nodes, library, build_guide(nodes, library), scene.lighting, captured_things(scene))
 
 
 def draw(data: HierarchicalData, camera: Camera, outputs: tuple[str, ...], options: HierarchicalOptions) -> Frame:
@@ -117,7 +126,8 @@ def draw(data: HierarchicalData, camera: Camera, outputs: tuple[str, ...], optio
         shown = without_slices(chosen) if published else chosen
         slices = drawing.place(data.library, data.shaded, guide.rows, shown, view)
         faces = drawing.set_up(data.nodes, guide.spheres, chosen, view)
-        picture = drawing.draw(slices, faces, data.shaded.texels, view, published or "depth" in outputs)
+        captured = captured_frame(data.captured, camera, options.threads)
+        picture = drawing.draw(slices, faces, data.shaded.texels, view, published or "depth" in outputs, captured)
         if published:
             reproject(data.library, data.views, guide.rows, chosen, view, picture)
         color, alpha, depth = picture
@@ -126,5 +136,6 @@ def draw(data: HierarchicalData, camera: Camera, outputs: tuple[str, ...], optio
         "parts": len(chosen.slice_nodes),
         "slices": len(slices[2]),
         "triangles": len(faces[1]),
+        "captured": 0 if captured is None else int(captured.stats["frames"]),
     }
     return make_frame(outputs, depth, color, alpha, stats)

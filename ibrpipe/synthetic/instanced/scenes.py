@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 from pydantic import Field, field_validator
 
 from ibrpipe.config import StageConfig
 from ibrpipe.errors import ConfigError, closest
+from ibrpipe.io.assets import read_asset
 from ibrpipe.synthetic.instanced.city import city
+from ibrpipe.synthetic.instanced.clearing import clearing
 from ibrpipe.synthetic.instanced.forest import forest
 from ibrpipe.synthetic.instanced.solids import solids
 from ibrpipe.synthetic.instanced.trees import SPECIES
@@ -25,6 +28,10 @@ class InstancedConfig(StageConfig):
         description=f"forest: kinds of trees, mixed at random: {', '.join(SPECIES)}",
     )
     blocks: int = Field(default=4, ge=1, le=1_000_000, description="city: number of blocks of sixteen houses")
+    asset: Path | None = Field(
+        default=None, description="forest: asset folder, z up, to stand on a lawn in a clearing in the middle"
+    )
+    asset_height: float = Field(default=3.0, gt=0, le=1000, description="forest: height of the asset in metres")
     seed: int = Field(default=5, ge=0, description="Seed of the layout and of shapes")
 
     @field_validator("species")
@@ -38,9 +45,16 @@ class InstancedConfig(StageConfig):
         return names
 
 
+def _forest(config: InstancedConfig) -> Scene:
+    wood = forest(config.trees, config.seed, config.species)
+    if config.asset is None:
+        return wood
+    return clearing(wood, read_asset(config.asset), config.asset_height, config.seed)
+
+
 #: name -> the settings that it has, and what makes it
 _SCENES: dict[str, tuple[tuple[str, ...], Callable[[InstancedConfig], Scene]]] = {
-    "forest": (("trees", "species", "seed"), lambda config: forest(config.trees, config.seed, config.species)),
+    "forest": (("trees", "species", "asset", "asset_height", "seed"), _forest),
     "city": (("blocks", "seed"), lambda config: city(config.blocks, config.seed)),
     "solids": ((), lambda config: solids()),
 }

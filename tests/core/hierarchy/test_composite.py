@@ -63,7 +63,10 @@ def tiles_of(boxes, sequence):
     return starts, items
 
 
-def draw(slices, faces, groups=2, noted=True):
+NOTHING = (np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32), np.empty((0, 0), np.float32))
+
+
+def draw(slices, faces, groups=2, noted=True, captured=NOTHING):
     numbers, pixels, depths, texels = slices
     sequence = np.argsort(depths, kind="stable")
     pairs = np.lib.stride_tricks.as_strided(
@@ -74,7 +77,7 @@ def draw(slices, faces, groups=2, noted=True):
     composite.draw_tiles(
         np.array([3, 0, 2, 1]), groups, np.array([2, WIDTH, HEIGHT]),
         (*tiles_of(pixels, sequence), numbers, pixels, depths), pairs,
-        (*tiles_of(faces[1], np.arange(len(faces[1]))), faces[0], faces[1]), noted, color, alpha, depth,
+        (*tiles_of(faces[1], np.arange(len(faces[1]))), faces[0], faces[1]), captured, noted, color, alpha, depth,
     )  # fmt: skip
     return color, alpha, depth
 
@@ -118,7 +121,7 @@ def pixel_fragments(corners, paints, x, y):
     return found
 
 
-def twin(slices, faces):
+def twin(slices, faces, captured=None):
     """Premultiplied colour and coverage of every pixel."""
     numbers, pixels, depths, texels = slices
     out = np.zeros((HEIGHT, WIDTH, 4))
@@ -129,6 +132,9 @@ def twin(slices, faces):
                 for n in range(len(depths))
             ]
             layers += [(z, share * color, share) for z, color, share in pixel_fragments(*faces[2:], x, y)]
+            if captured is not None and np.isfinite(captured[2][y, x]):
+                share = captured[1][y, x]
+                layers.append((captured[2][y, x], share * captured[0][y, x], share))
             clear = 1.0
             for _, color, share in sorted(layers, key=lambda layer: layer[0]):
                 out[y, x, :3] += clear * color
@@ -175,6 +181,24 @@ def test_slices_and_triangles_are_put_in_one_order():
     wanted = twin(slices, faces)
     assert np.abs(alpha - wanted[..., 3]).mean() < 0.01
     assert np.abs(color * alpha[..., None] - wanted[..., :3]).mean() < 0.01
+
+
+def test_what_other_renderers_drew_is_put_between_by_depth_and_coverage():
+    slices, faces = random_slices(8, 2), random_triangles(6, 3)
+    rng = np.random.default_rng(7)
+    depth = rng.uniform(2, 9, (HEIGHT, WIDTH)).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.2] = np.inf
+    alpha = rng.choice(np.float32([0.0, 0.3, 0.7, 1.0]), depth.shape)
+    color = rng.random((HEIGHT, WIDTH, 3)).astype(np.float32)
+    alpha[~np.isfinite(depth)] = 0.0
+    found, cover, _ = draw(slices, faces, captured=(color, alpha, depth))
+    wanted = twin(slices, faces, (color, alpha, depth))
+    assert np.abs(cover - wanted[..., 3]).mean() < 0.01
+    assert np.abs(found * cover[..., None] - wanted[..., :3]).mean() < 0.01
+    alone = draw(tuple(each[:0] for each in slices[:3]) + slices[3:], NO_TRIANGLES, captured=(color, alpha, depth))
+    np.testing.assert_allclose(alone[1], alpha, atol=1e-6)
+    np.testing.assert_allclose(alone[0], np.where(alpha[..., None] > 0, color, 0.0), atol=1e-5)
+    np.testing.assert_allclose(alone[2], np.where(alpha > 0, depth, np.inf), rtol=1e-5)
 
 
 @pytest.mark.parametrize("groups", [1, 3])
