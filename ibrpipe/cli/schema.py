@@ -24,6 +24,7 @@ def models() -> dict[str, type[BaseModel]]:
     from ibrpipe.bench.speed_error.results import SpeedErrorModel
     from ibrpipe.engine.pipeline_file import pipeline_model
     from ibrpipe.engine.run_document import RunDocument
+    from ibrpipe.io.documents.impostors import Impostors
     from ibrpipe.io.documents.prerendered import PrerenderedFile
     from ibrpipe.io.documents.scene import SceneDocument
     from ibrpipe.io.manifest import Manifest
@@ -33,7 +34,13 @@ def models() -> dict[str, type[BaseModel]]:
     stages = load_stages()
     made = [each for stage in stages for each in stage.outputs.artifacts()]
     found: dict[str, type[BaseModel]] = {Path(each.path).stem: each.document for each in made if each.document}
-    found |= {"hard_cases": HardCasesFile, "manifest": Manifest, "run": RunDocument, "scene": SceneDocument}
+    found |= {
+        "hard_cases": HardCasesFile,
+        "manifest": Manifest,
+        "run": RunDocument,
+        "scene": SceneDocument,
+        "impostors": Impostors,
+    }
     found |= {"pipeline": pipeline_model(stages), "speed_error": SpeedErrorModel}
     found |= {
         "forest": ForestModel,

@@ -12,6 +12,7 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import Literal
 
 from ibrpipe.errors import ConfigError, closest
 
@@ -33,6 +34,8 @@ class Exporter:
         all.
     suffixes : tuple of str
         Endings of files by which the form is chosen, such as ``.glb``; empty = it is a folder.
+    takes : "asset" or "scene"
+        What `source` is: an asset folder, or what `ibrpipe.read_scene` reads.
     takes_notes : bool
         `write` takes a third argument: a YAML file of words to go with the asset.
     """
@@ -41,6 +44,7 @@ class Exporter:
     summary: str
     write: Callable[..., None]
     suffixes: tuple[str, ...] = ()
+    takes: Literal["asset", "scene"] = "asset"
     takes_notes: bool = False
 
 
@@ -63,6 +67,7 @@ def register(name: str, exporter: str | Exporter) -> None:
 
 
 register("deep-exr", "ibrpipe.export.deep_exr:EXPORTER")
+register("impostors", "ibrpipe.export.impostors:EXPORTER")
 register("page", "ibrpipe.export.page.exporter:EXPORTER")
 
 

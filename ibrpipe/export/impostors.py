@@ -1,0 +1,154 @@
+"""Parts of scenes as atlases of impostors: orthographic pictures from an octahedral map of directions and six sides.
+
+Game engines draw such an atlas as a quad that faces the viewer, blended between the nearest directions.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ibrpipe.embree import MeshCaster
+from ibrpipe.errors import ConfigError, ResourceError
+from ibrpipe.export.registry import Exporter
+from ibrpipe.io.documents.impostors import Impostors, ImpostorView
+from ibrpipe.io.manifest import write_text
+from ibrpipe.io.photos.images import write_exr, write_png
+from ibrpipe.io.scenes import read_scene
+from ibrpipe.types import Array, Mesh, PaintedMesh, Scene
+
+INDEX = "impostors.json"
+#: cells along a side of the octahedral map, texels along a side of a cell, rays along a side of a texel
+GRID, TEXELS, RAYS = 8, 128, 3
+_SIDES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """One view: albedo (T, T, 3), coverage (T, T), normal (T, T, 3), depth (T, T); float32."""
+
+    albedo: Array
+    cover: Array
+    normal: Array
+    depth: Array
+
+
+def write(source: Path, target: Path) -> None:
+    """Write an atlas for every part that the scene's root holds copies of, each in a folder of its own in `target`.
+
+    Raises
+    ------
+    ConfigError
+        None of them has meshes.
+    ResourceError
+        A file cannot be written.
+    """
+    scene = read_scene(source)
+    names = dict.fromkeys(copies.part for copies in scene.parts[scene.root].children) or {scene.root: None}
+    shown = [name for name in names if scene.polygons[name]]
+    if not shown:
+        raise ConfigError(f"{source}: what its root holds has no meshes, so there are no impostors to make")
+    try:
+        for name in shown:
+            folder = target / re.sub(r"[^A-Za-z0-9._-]+", "-", name)
+            folder.mkdir(parents=True, exist_ok=True)
+            write_atlas(scene, name, folder)
+    except OSError as error:
+        if isinstance(error, ResourceError):
+            raise
+        raise ResourceError(f"{target}: cannot write: {error.strerror or error}") from error
+
+
+def write_atlas(
+    scene: Scene, name: str, folder: Path, grid: int = GRID, texels: int = TEXELS, rays: int = RAYS
+) -> Impostors:
+    """Write the atlas of one part; see `Impostors`. ``impostors.json`` is written last."""
+    painted = _joined(scene.flattened(name))
+    bounds = 0.5 * (painted.mesh.vertices.min(axis=0) + painted.mesh.vertices.max(axis=0))
+    radius = float(np.linalg.norm(painted.mesh.vertices - bounds, axis=1).max()) or 1.0
+    axes = view_axes(np.concatenate([octahedral_directions(grid), _SIDES]))
+    caster = MeshCaster(painted.mesh)
+    cells = [(n // grid, n % grid) for n in range(grid * grid + len(_SIDES))]
+    height = (cells[-1][0] + 1) * texels
+    albedo, normal = (np.zeros((height, grid * texels, 3), np.float32) for _ in range(2))
+    cover, depth = (np.full((height, grid * texels), fill, np.float32) for fill in (0.0, np.inf))
+    for (row, column), view in zip(cells, axes, strict=True):
+        picture = cast_view(caster, painted, view, bounds, radius, texels, rays)
+        place = np.s_[row * texels : (row + 1) * texels, column * texels : (column + 1) * texels]
+        albedo[place], normal[place] = picture.albedo, picture.normal
+        cover[place], depth[place] = picture.cover, picture.depth
+    write_png(folder / "albedo.png", albedo, cover)
+    write_exr(folder / "normal.exr", normal)
+    write_exr(folder / "depth.exr", {"Z": depth})
+    views = [
+        ImpostorView(column=column, row=row, direction=view[2].tolist(), right=view[0].tolist(), up=view[1].tolist())
+        for (row, column), view in zip(cells, axes, strict=True)
+    ]
+    document = Impostors(
+        part=name, center=bounds.tolist(), radius=radius, texels=texels, grid=grid,
+        albedo="albedo.png", normal="normal.exr", depth="depth.exr", views=views,
+    )  # fmt: skip
+    write_text(folder / INDEX, document.to_json() + "\n")
+    return document
+
+
+def octahedral_directions(grid: int) -> Array:
+    """Unit directions (grid * grid, 3) of an octahedral map, corners included, row by row (cigolle2014)."""
+    v, u = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, grid)], indexing="ij")
+    z = 1.0 - np.abs(u) - np.abs(v)
+    below = np.maximum(-z, 0.0)
+    x, y = u - below * np.where(u >= 0, 1.0, -1.0), v - below * np.where(v >= 0, 1.0, -1.0)
+    found = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def view_axes(directions: Array) -> Array:
+    """Axes (N, 3, 3), rows right, up, towards the viewer; up is nearest to z, or to y where that is the view."""
+    upright = np.where(np.abs(directions[:, 2:]) < 0.999, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
+    right = np.cross(upright, directions)
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    return np.stack([right, np.cross(directions, right), directions], axis=1)
+
+
+def cast_view(
+    caster: MeshCaster, painted: PaintedMesh, view: Array, center: Array, radius: float, texels: int, rays: int
+) -> Picture:
+    """Cast rays x rays parallel rays for every texel; means of those that hit, depth that of the nearest."""
+    side = texels * rays
+    steps = (2.0 * np.arange(side) + 1.0) / side - 1.0
+    across, down = np.meshgrid(steps, steps)
+    origins = center + radius * (across[..., None] * view[0] - down[..., None] * view[1] + view[2])
+    hits = caster.cast(origins, np.broadcast_to(-view[2], origins.shape))
+    hit = hits.face >= 0
+    corners = painted.color[painted.mesh.faces[np.where(hit, hits.face, 0)]]
+    weights = np.stack([1.0 - hits.uv.sum(axis=-1), hits.uv[..., 0], hits.uv[..., 1]], axis=-1)
+    color = np.einsum("yxc,yxcd->yxd", weights, corners)
+    normal = hits.normal * np.where((hits.normal @ view[2]) < 0, -1.0, 1.0)[..., None]
+    blocks = (texels, rays, texels, rays)
+    count = hit.reshape(blocks).sum(axis=(1, 3))
+    albedo, turned = (
+        np.where(hit[..., None], each, 0.0).reshape(*blocks, 3).sum(axis=(1, 3)) for each in (color, normal)
+    )
+    length = np.linalg.norm(turned, axis=-1, keepdims=True)
+    depth = np.where(hit, hits.t, np.inf).reshape(blocks).min(axis=(1, 3))
+    return Picture(
+        (albedo / np.maximum(count, 1)[..., None]).astype(np.float32),
+        (count / rays**2).astype(np.float32),
+        (turned / np.where(length > 0, length, 1.0)).astype(np.float32),
+        depth.astype(np.float32),
+    )
+
+
+def _joined(pieces: list[PaintedMesh]) -> PaintedMesh:
+    starts = np.cumsum([0, *(len(each.mesh.vertices) for each in pieces)])
+    faces = np.concatenate([each.mesh.faces + start for each, start in zip(pieces, starts)])
+    mesh = Mesh(np.concatenate([each.mesh.vertices for each in pieces]), faces)
+    return PaintedMesh(mesh, np.concatenate([each.color for each in pieces]))
+
+
+EXPORTER = Exporter(
+    "impostors", "Octahedral and six-sided impostors of a scene's parts, for game engines.", write, takes="scene"
+)

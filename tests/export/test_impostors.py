@@ -1,0 +1,85 @@
+"""Impostors of parts: directions, what a ball and a wall look like, files, and scenes without meshes."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import ibrpipe
+from ibrpipe.cli.main import cli
+from ibrpipe.export.impostors import octahedral_directions, view_axes, write_atlas
+from ibrpipe.io.photos.images import read_depth, read_image
+from ibrpipe.synthetic.instanced.pieces import painted_box, placed
+from ibrpipe.synthetic.instanced.solids import painted_ball, solids
+from ibrpipe.types import Instances, Part, Scene
+
+
+def test_directions_cover_the_sphere_and_axes_are_right_handed():
+    found = octahedral_directions(9)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0)
+    np.testing.assert_allclose(found[40], [0, 0, 1])
+    np.testing.assert_allclose(found[[0, 8, 72, 80]], [[0, 0, -1]] * 4, atol=1e-15)
+    sphere = np.random.default_rng(1).normal(size=(500, 3))
+    sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
+    assert np.degrees(np.arccos((sphere @ found.T).max(axis=1))).max() < 20
+    axes = view_axes(found)
+    np.testing.assert_allclose(axes @ axes.transpose(0, 2, 1), np.tile(np.eye(3), (81, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(axes), 1.0)
+    level = np.abs(found[:, 2]) < 0.9
+    assert (axes[level, 1, 2] > 0).all()
+
+
+def test_a_ball_looks_alike_from_everywhere(tmp_path):
+    scene = Scene([Part("ball", (painted_ball(2.0, (0.2, 0.4, 0.8), 48),))], "ball")
+    atlas = write_atlas(scene, "ball", tmp_path, grid=4, texels=32, rays=2)
+    assert atlas.radius == pytest.approx(2.0, rel=1e-6)
+    albedo, depth = read_image(tmp_path / "albedo.png"), read_depth(tmp_path / "depth.exr")
+    normal = read_image(tmp_path / "normal.exr")
+    assert albedo.shape == (32 * 6, 32 * 4, 4)
+    for view in atlas.views:
+        place = np.s_[view.row * 32 : view.row * 32 + 32, view.column * 32 : view.column * 32 + 32]
+        assert albedo[place][..., 3].mean() == pytest.approx(np.pi / 4, abs=0.02)
+        np.testing.assert_allclose(albedo[place][16, 16, :3], [0.2, 0.4, 0.8], atol=0.01)
+        assert depth[place][16, 16] == pytest.approx(0.0, abs=0.02)
+        x = (np.arange(32) + 0.5) / 16 - 1
+        right, up, toward = (np.array(each) for each in (view.right, view.up, view.direction))
+        for j, i in ((16, 24), (6, 12), (22, 9)):
+            wanted = x[i] * right - x[j] * up + np.sqrt(1 - x[i] ** 2 - x[j] ** 2) * toward
+            assert normal[place][j, i] @ wanted > 0.985
+    assert np.isinf(depth[0, 0])
+    assert not normal[0, 0].any()
+
+
+def test_the_six_sides_show_what_is_there(tmp_path):
+    box = Scene([Part("box", (painted_box((0, 0, 0), (4, 2, 1), (0.5, 0.5, 0.5)),))], "box")
+    atlas = write_atlas(box, "box", tmp_path, grid=2, texels=64, rays=1)
+    cover = read_image(tmp_path / "albedo.png")[..., 3]
+    depth = read_depth(tmp_path / "depth.exr")
+    sides = {tuple(view.direction): view for view in atlas.views[4:]}
+    for direction, area, half in (((1, 0, 0), 2 * 1, 2), ((0, -1, 0), 4 * 1, 1), ((0, 0, 1), 4 * 2, 0.5)):
+        view = sides[direction]
+        place = np.s_[view.row * 64 : view.row * 64 + 64, view.column * 64 : view.column * 64 + 64]
+        assert cover[place].mean() * (2 * atlas.radius) ** 2 == pytest.approx(area, rel=0.1)
+        assert depth[place].min() == pytest.approx(atlas.radius - half, abs=1e-4)
+
+
+def test_every_part_that_the_root_holds_is_exported(tmp_path):
+    ibrpipe.write_scene(solids(), tmp_path / "scene")
+    args = ["export", str(tmp_path / "scene"), str(tmp_path / "out"), "--format", "impostors"]
+    result = CliRunner().invoke(cli, args)
+    assert result.exit_code == 0, result.output
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["ball", "wall"]
+    document = json.loads((tmp_path / "out" / "wall" / "impostors.json").read_text())
+    assert (document["part"], document["grid"], len(document["views"])) == ("wall", 8, 70)
+
+
+def test_a_scene_without_meshes_is_told(tmp_path):
+    empty = Scene([Part("a"), Part("b", children=(Instances("a", placed((0, 0, 0))),))], "b")
+    ibrpipe.write_scene(empty, tmp_path / "scene")
+    args = ["export", str(tmp_path / "scene"), str(tmp_path / "out"), "--format", "impostors"]
+    result = CliRunner().invoke(cli, args)
+    assert result.exit_code == 1
+    assert "holds has no meshes, so there are no impostors to make" in result.stderr
