@@ -13,7 +13,7 @@ from ibrpipe.version import VERSION
 
 #: in the order in which they are joined
 SCRIPTS = (
-    "unpack", "surface", "matrices", "shaders", "reflection", "voxels", "spiral", "scene", "renderer", "orbit", "input",
+    "unpack", "surface", "matrices", "shaders", "mirror", "reflection", "spiral", "scene", "renderer", "orbit", "input",
     "notes", "main",
 )  # fmt: skip
 

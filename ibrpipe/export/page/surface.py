@@ -9,7 +9,7 @@ import numpy as np
 from ibrpipe.core.color import srgb_encode, to_bytes
 from ibrpipe.errors import FormatError
 from ibrpipe.export.page.packing import Packer, foretell, neighbours
-from ibrpipe.renderers.fields import PatchField, Pose, build_field, field_pose
+from ibrpipe.renderers.fields import PatchField, Pose, build_field, field_pose, texel_size
 from ibrpipe.types import Array, LayeredDepthImage
 
 #: codes of a depth at most, and of a coordinate of a normal
@@ -46,6 +46,7 @@ def pack_surface(layers: LayeredDepthImage, packer: Packer) -> dict[str, Any]:
     return {
         "rows": rows,
         "columns": columns,
+        "texel": texel_size(field),
         "world": world_from_field(field.pose).ravel().tolist(),
         "counts": packer.add(counts.astype(np.uint8)),
         "levels": packer.add(levels),

@@ -47,7 +47,7 @@ def cameras() -> list[ibrpipe.Camera]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "mean", "least"), [("matt", 50, 45), ("perspective", 50, 45), ("spiral", 50, 45), ("gloss", 50, 45)]
+    ("kind", "mean", "least"), [("matt", 50, 45), ("perspective", 50, 45), ("spiral", 50, 45), ("gloss", 50, 45), ("mirror", 50, 45)]
 )
 def test_it_shows_what_ldi_renders(browser: Chromium, page, kind: str, mean: float, least: float) -> None:
     address, asset = page(kind)

@@ -33,6 +33,7 @@ vec3 glossy(vec3 diffuse, vec3 n, vec3 v, vec2 weights, vec4 own) {
   return light;
 }
 
+${MIRROR_SHADER}${SEEN_SHADER}
 vec3 addReflection(vec3 light, vec3 position, vec3 n, vec2 weights) {
   if (!mirrors || n == vec3(0.0)) return light;
   vec3 v = normalize(eye - position);

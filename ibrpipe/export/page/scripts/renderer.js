@@ -54,13 +54,22 @@ class Renderer {
       gl.texImage2D(flat, 0, gl.RGBA32F, SAMPLES_WIDE, height, 0, gl.RGBA, gl.FLOAT, traits));
   }
 
-  uploadReflection({ tables, voxels }) {
-    const { gl } = this, layered = gl.TEXTURE_2D_ARRAY, solid = gl.TEXTURE_3D;
+  uploadReflection({ tables, mirror }) {
+    const { gl } = this, layered = gl.TEXTURE_2D_ARRAY, solid = gl.TEXTURE_3D, flat = gl.TEXTURE_2D;
     this.texture("lightTables", layered, () => gl.texImage3D(layered, 0, gl.RGBA32F, tables.width, tables.width,
       tables.count, 0, gl.RGBA, gl.FLOAT, tables.data));
-    for (const [name, data] of [["voxelColors", voxels.colors], ["voxelTraits", voxels.traits]])
-      this.texture(name, solid, () =>
-        gl.texImage3D(solid, 0, gl.RGBA8, ...voxels.size, 0, gl.RGBA, gl.UNSIGNED_BYTE, data));
+    this.texture("voxels", solid, () =>
+      gl.texImage3D(solid, 0, gl.RG32UI, ...mirror.size, 0, gl.RG_INTEGER, gl.UNSIGNED_INT, mirror.voxels));
+    for (const [name, inside, outside, type, data, wide] of [
+      ["lists", gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT, mirror.lists, WIDE],
+      ["patchSamples", gl.RGBA32I, gl.RGBA_INTEGER, gl.INT, mirror.samples, WIDE],
+      ["patchHeights", gl.RGBA32F, gl.RGBA, gl.FLOAT, mirror.heights, WIDE],
+      ["patchCells", gl.RGBA32F, gl.RGBA, gl.FLOAT, mirror.cells, WIDE],
+      ["surfaceRows", gl.RGBA32F, gl.RGBA, gl.FLOAT, mirror.matrices, 4],
+    ]) {
+      const high = data.length / wide / (inside === gl.R32UI ? 1 : 4);
+      this.texture(name, flat, () => gl.texImage2D(flat, 0, inside, wide, high, 0, outside, type, data));
+    }
   }
 
   uploadSpiral({ atlas, pictures, rows, images, count }) {
@@ -142,8 +151,8 @@ class Renderer {
       gl.uniform1i(uniforms.tableCount, reflection.tables.count);
       gl.uniform2f(uniforms.reflectance, reflection.reflectance[0], reflection.reflectance[1] ?? 0);
       gl.uniform1f(uniforms.damping, reflection.damping);
-      gl.uniform4f(uniforms.voxelFrame, ...reflection.voxels.frame);
-      gl.uniform2f(uniforms.voxelTops, ...reflection.voxels.tops);
+      gl.uniform4f(uniforms.grid, ...reflection.mirror.grid);
+      gl.uniform1f(uniforms.texel, reflection.mirror.texel);
     }
     if (spiral) gl.uniform1i(uniforms.spiralCount, spiral.count);
   }
@@ -176,7 +185,7 @@ function fragmentShader({ reflection, spiral, kinds }) {
   const calls = kinds.map((kind) =>
     kind === "reflection" ? "light = addReflection(light, position, n, weights);" : "light = addResiduals(light, position);");
   const change = `vec3 changeWithView(vec3 light, vec3 position, vec3 n, vec2 weights) { ${calls.join(" ")} return light; }`;
-  const parts = [reflection ? VOXEL_SHADER + REFLECTION_SHADER : "", spiral ? SPIRAL_SHADER : "", change];
+  const parts = [reflection ? REFLECTION_SHADER : "", spiral ? SPIRAL_SHADER : "", change];
   return FRAGMENT_HEAD + parts.join("") + FRAGMENT_MAIN;
 }
 

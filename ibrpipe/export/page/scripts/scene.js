@@ -20,11 +20,10 @@ async function unpackScene(meta, text) {
   };
   if (meta.components.reflection) {
     const reflection = meta.components.reflection;
-    const tops = [0, 1].map((n) => Math.max(1, ...reflection.textures.map((each) => each?.tops?.[n] ?? 1)));
     scene.reflection = {
       ...reflection,
       tables: unpackTables(bytes, reflection),
-      voxels: buildVoxels(surfaces, places, scene.weightsOf, tops),
+      mirror: buildMirror(surfaces, scene, median(surfaces.map((surface) => surface.texel))),
     };
   }
   if (meta.components.spiral) {
@@ -48,6 +47,11 @@ function unpackWeights(bytes, reflection, surfaces) {
     return own.planes.map((entry, table) =>
       Float32Array.from(unpackPredicted(bytes, entry, surface.around), (code) => (code * own.tops[table]) / 255));
   });
+}
+
+function median(values) {
+  const sorted = [...values].sort((a, b) => a - b), half = sorted.length / 2;
+  return (sorted[Math.ceil(half) - 1] + sorted[Math.floor(half)]) / 2;
 }
 
 function boundSphere(places) {

@@ -41,18 +41,6 @@ function unpackPatches(bytes, meta, { offsets, depth }, firstSample) {
   return new Uint8Array(view.buffer);
 }
 
-// Unit normal of a sample in world axes, or null.
-function sampleNormal(surface, sample) {
-  const [u, v] = surface.normal;
-  if (u[sample] === UNKNOWN_NORMAL) return null;
-  const scale = 2 / (UNKNOWN_NORMAL - 1);
-  let x = u[sample] * scale - 1, y = v[sample] * scale - 1;
-  const z = 1 - Math.abs(x) - Math.abs(y);
-  if (z < 0) [x, y] = [(1 - Math.abs(y)) * (x < 0 ? -1 : 1), (1 - Math.abs(x)) * (y < 0 ? -1 : 1)];
-  const length = Math.hypot(x, y, z);
-  return [x / length, y / length, z / length];
-}
-
 // World positions (S * 3) of all samples, f32.
 function samplePlaces(surface) {
   const { rows, columns, offsets, depth, world } = surface;
