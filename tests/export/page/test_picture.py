@@ -46,10 +46,8 @@ def cameras() -> list[ibrpipe.Camera]:
     return [ibrpipe.Camera.look_at(eye, (0, 0, 0), (0, 1, 0), 45, 200, 150) for eye in eyes]
 
 
-@pytest.mark.parametrize(
-    ("kind", "mean", "least"), [("matt", 50, 45), ("perspective", 50, 45), ("spiral", 50, 45), ("gloss", 50, 45), ("mirror", 50, 45)]
-)
-def test_it_shows_what_ldi_renders(browser: Chromium, page, kind: str, mean: float, least: float) -> None:
+@pytest.mark.parametrize("kind", ["matt", "perspective", "spiral", "gloss", "mirror"])
+def test_it_shows_what_ldi_renders(browser: Chromium, page, kind: str) -> None:
     address, asset = page(kind)
     browser.errors.clear()
     browser.requests.clear()
@@ -62,8 +60,8 @@ def test_it_shows_what_ldi_renders(browser: Chromium, page, kind: str, mean: flo
         assert (covered != shown).mean() <= 0.001
         error = got[..., :3].astype(float) - to_bytes(srgb_encode(want.color))
         found.append(10 * np.log10(255**2 / max((error[covered & shown] ** 2).mean(), 1e-3)))
-    assert np.mean(found) >= mean, found
-    assert min(found) >= least, found
+    assert np.mean(found) >= 50, found
+    assert min(found) >= 45, found
     assert browser.errors == []
     assert [each for each in browser.requests if not each.startswith(("file:", "data:", "blob:"))] == []
 
