@@ -103,7 +103,7 @@ function buildMirror(surfaces, { low, high }, texel) {
         samples[4 * number + c] = view.getInt32(at + 20 + 4 * c, true);
         const [x, y, z, w] = transform(surface.world, [u + (c & 1), v + (c >> 1), heights[4 * number + c], 1]);
         [x, y, z].forEach((value, axis) => {
-          // half a texel more: roundings, and corners that are extrapolated
+          // a little more on every side: roundings
           const place = (value / w - corner[axis]) / width, slack = (0.1 * texel) / width;
           first[axis] = Math.min(first[axis], Math.max(0, Math.floor(place - slack)));
           last[axis] = Math.max(last[axis], Math.min(size[axis] - 1, Math.floor(place + slack)));
