@@ -51,7 +51,7 @@ class CompressConfig(StageConfig):
     target_mb: float | None = Field(None, gt=0, description="Largest size of the asset, megabytes")
     target_db: float | None = Field(None, gt=0, le=100, description="Least PSNR of the measured training photos, dB")
     loss_db: float = Field(
-        0.3, ge=0, le=100, description="Without a target: PSNR of the measured training photos that may be lost, dB"
+        0.5, ge=0, le=100, description="Without a target: PSNR of the measured training photos that may be lost, dB"
     )
     measured_views: int = Field(12, ge=1, le=1000, description="Training photos that are measured, evenly spread")
     joined_texels: int | None = Field(
