@@ -49,6 +49,15 @@ def test_a_forest_from_slices_is_like_its_polygons(trees, view, least):
     assert np.mean(np.abs(frame.depth[both] / exact.depth[both] - 1) < 0.02) > 0.85
 
 
+def test_several_rays_a_pixel_are_the_mean_of_a_larger_picture(trees):
+    camera = forest_cameras(40, 80, 60)["middle"]
+    four = ibrpipe.render(trees, camera, "hierarchical", samples=4)
+    large = ibrpipe.render(trees, camera.resized(160, 120), "hierarchical")
+    np.testing.assert_allclose(four.alpha, large.alpha.reshape(60, 2, 80, 2).mean(axis=(1, 3)), atol=1e-6)
+    wanted = (large.color * large.alpha[..., None]).reshape(60, 2, 80, 2, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(four.color * four.alpha[..., None], wanted, atol=1e-5)
+
+
 @pytest.mark.parametrize("view", ["far", "near"])
 def test_threads_change_no_byte(trees, view):
     camera = forest_cameras(40, 160, 120)[view]
