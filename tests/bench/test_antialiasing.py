@@ -11,7 +11,7 @@ from small_fields import CAMERAS, layers
 
 import ibrpipe
 from ibrpipe.bench.antialiasing import TRUTH_SIDE, draw_truth, run_antialiasing
-from ibrpipe.cli.bench.antialiasing import command
+from ibrpipe.cli.main import cli
 
 
 @pytest.fixture
@@ -42,7 +42,9 @@ def test_more_rays_err_less(asset):
 def test_the_command_writes_what_it_prints(asset, tmp_path):
     ibrpipe.write_asset(asset, tmp_path / "asset")
     words = [str(tmp_path / "asset"), "--path", "orbit:frames=2", "--width", "32", "--height", "24", "--repeats", "1"]
-    result = CliRunner().invoke(command, [*words, "--json", str(tmp_path / "aa.json")], catch_exceptions=False)
+    result = CliRunner().invoke(
+        cli, ["bench", "antialiasing", *words, "--json", str(tmp_path / "aa.json")], catch_exceptions=False
+    )
     assert result.exit_code == 0
     assert "adaptive" in result.output
     written = json.loads((tmp_path / "aa.json").read_text(encoding="utf-8"))

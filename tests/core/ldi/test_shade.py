@@ -77,7 +77,9 @@ def test_patches_cover_as_their_corners_do():
     color[:, 3] = (np.arange(len(color)) % 5) / 4.0
     start, turn = scene.patches[0][1].pose.field_from_pixel(CAMERA)
     out, known = np.zeros((*depth.shape, 3), np.float32), np.zeros(depth.shape, np.float32)
-    shade.shade_patches(depth, ids, records, start[None], turn[None], color, out, known)
+    shade.shade_patches(
+        depth, ids, PixelGrid.centers(*depth.shape).arrays, records, start[None], turn[None], color, out, known
+    )
     for y, x in np.argwhere(np.isfinite(depth)):
         column, row, _, _, *samples = records[ids[y, x]]
         u, v = place(start, turn, x, y, float(depth[y, x]))
