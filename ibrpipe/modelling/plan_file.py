@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from ibrpipe.errors import FormatError
 from ibrpipe.io.documents.plan import Plan, PlannedComponent, PlannedTexture, Reason
-from ibrpipe.io.untrusted.boundary import reader
+from ibrpipe.io.untrusted.boundary import told
 from ibrpipe.modelling.rectangles import Rectangle
 
 SCHEMA = 1
@@ -59,7 +59,6 @@ def write_plan(plans: Sequence[TexturePlan], reasons: Sequence[Told], path: Path
     path.write_text(text, encoding="utf-8")
 
 
-@reader("run the plan stage again")
 def read_plan(path: Path) -> list[TexturePlan]:
     """Read the textures of `plan.json`.
 
@@ -68,15 +67,20 @@ def read_plan(path: Path) -> list[TexturePlan]:
     FormatError
         The file is missing, is no plan, or is of another schema version.
     """
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        if data["schema"] != SCHEMA:
-            raise FormatError(f"{path}: plan of schema {data['schema']}, expected {SCHEMA}; run the plan stage again")
-        return [_plan_of(texture) for texture in Plan.model_validate(data).textures]
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise FormatError(f"{path}: not a plan ({where}: {first['msg']}); run the plan stage again") from error
+    with told(path, "run the plan stage again", "not a plan"):
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+            if data["schema"] != SCHEMA:
+                raise FormatError(
+                    f"{path}: plan of schema {data['schema']}, expected {SCHEMA}; run the plan stage again"
+                )
+            return [_plan_of(texture) for texture in Plan.model_validate(data).textures]
+        except FileNotFoundError as error:
+            raise FormatError(f"{path}: not a plan (there is no such file); run the plan stage again") from error
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise FormatError(f"{path}: not a plan ({where}: {first['msg']}); run the plan stage again") from error
 
 
 def _plan_of(texture: PlannedTexture) -> TexturePlan:

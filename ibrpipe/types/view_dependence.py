@@ -135,8 +135,8 @@ class SpiralResiduals(ViewDependence):
             raise ValueRangeError("the support rectangle of residuals must have right angles, f normal to it")
         n = len(self.directions)
         sizes = np.asarray(self.sizes)
-        if sizes.shape != (n, 2) or (sizes < 1).any():
-            raise ShapeError(f"sizes must be ({n}, 2), height and width of every image, each 1 or more")
+        if sizes.shape != (n, 2) or (sizes < 0).any():  # 0 = an image that nobody looks up
+            raise ShapeError(f"sizes must be ({n}, 2), height and width of every image, each 0 or more")
         _check_alphas(np.asarray(self.alphas), n, self.k, self.closed)
         _check_directions(np.asarray(self.directions))
         areas = np.asarray(self.sizes, np.int64).prod(axis=1) if n else np.zeros(0, np.int64)

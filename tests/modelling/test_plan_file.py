@@ -54,7 +54,7 @@ def test_plans_of_earlier_versions_are_read(tmp_path, wanted):
         ({"components": None}, r"textures\.0\.components"),
         ({"components": [{"k": 0.1}]}, r"textures\.0\.components\.0\.kind: Field required"),
         ({"components": [], "width": 0}, r"textures\.0\.width"),
-        ({"residuals": True}, "'k'"),
+        ({"residuals": True}, "KeyError: 'k'"),
         ({"components": [], "color": 1}, r"textures\.0\.color"),
     ],
 )
