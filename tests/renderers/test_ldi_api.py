@@ -17,14 +17,14 @@ CAMERA = ibrpipe.Camera.look_at((2, 2, 6), (2.5, 2, 0), width=16, height=12)
 def test_registry_says_what_there_is():
     known = ibrpipe.renderers()
     assert "ReliefTexture" in known["ldi"]["accepts"]
-    assert set(known["ldi"]["options"]) == {"residuals", "search", "threads"}
+    assert set(known["ldi"]["options"]) == {"residuals", "samples", "search", "threads"}
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda: ibrpipe.render(SOURCE, CAMERA, renderer="ldl"), "unknown renderer 'ldl'.*ldi"),
-        (lambda: ibrpipe.render(SOURCE, CAMERA, residual=True), "no option 'residual'.*residuals, search, threads"),
+        (lambda: ibrpipe.render(SOURCE, CAMERA, residual=True), "no option 'residual'.*residuals, samples, search, threads"),
         (lambda: ibrpipe.render(SOURCE, CAMERA, outputs=("colour",)), "unknown output 'colour'.*color, depth, alpha"),
         (lambda: ibrpipe.render([], CAMERA), "nothing to render"),
         (lambda: ibrpipe.render("mesh.ply", CAMERA), "cannot take a str.*ReliefTexture"),

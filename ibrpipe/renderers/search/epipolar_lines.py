@@ -37,8 +37,8 @@ BACKGROUND = BackgroundCompile(
     meanwhile=(  # colours of `ldi` and `epipolar`, then of `relief`
         Kernel(
             "ldi.shade", "shade_heights",
-            "(float32[:,::1], uint32[:,::1], int64, float64[::1], float64[:,::1], float32[:,:,::1], float32[:,:,::1], "
-            "float32[:,::1])",
+            "(float32[:,::1], uint32[:,::1], UniTuple(float64[:,::1], 2), int64, float64[::1], float64[:,::1], "
+            "float32[:,:,::1], float32[:,:,::1], float32[:,::1])",
         ),
         Kernel(
             "relief.shade", "place_hits",
