@@ -195,7 +195,7 @@ def test_a_name_that_leads_out_of_the_asset_is_refused(inputs: Inputs, path: str
     data = json.loads(file.read_text(encoding="utf-8"))
     data["textures"][0]["components"][0]["file"] = path
     file.write_text(json.dumps(data), encoding="utf-8")
-    with pytest.raises(FormatError, match="leads out of the asset"):
+    with pytest.raises(FormatError, match="leads out of"):
         run(inputs, CompressConfig())
 
 
