@@ -24,7 +24,10 @@ def test_registry_says_what_there_is():
     ("call", "message"),
     [
         (lambda: ibrpipe.render(SOURCE, CAMERA, renderer="ldl"), "unknown renderer 'ldl'.*ldi"),
-        (lambda: ibrpipe.render(SOURCE, CAMERA, residual=True), "no option 'residual'.*residuals, samples, search, threads"),
+        (
+            lambda: ibrpipe.render(SOURCE, CAMERA, residual=True),
+            "no option 'residual'.*residuals, samples, search, threads",
+        ),
         (lambda: ibrpipe.render(SOURCE, CAMERA, outputs=("colour",)), "unknown output 'colour'.*color, depth, alpha"),
         (lambda: ibrpipe.render([], CAMERA), "nothing to render"),
         (lambda: ibrpipe.render("mesh.ply", CAMERA), "cannot take a str.*ReliefTexture"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path, PureWindowsPath
 
 from ibrpipe.errors import FormatError
@@ -36,9 +37,19 @@ def inside(root: Path, name: str, source: Path, remedy: str) -> Path:
         or any(len(part.encode("utf-8", "replace")) > _LONGEST_NAME for part in parts.parts)
     ):
         raise FormatError(f"{source}: {shortened(name)!r} is no name of a file; {remedy}")
-    if parts.drive or parts.root or not leads_inside(root, root / name):
+    if parts.drive or parts.root or _climbs_out(parts.parts) or not leads_inside(root, root / name):
         raise FormatError(f"{source}: {shortened(name)!r} leads out of {root}; {remedy}")
     return root / name
+
+
+def _climbs_out(parts: Sequence[str]) -> bool:
+    """Say whether ``..`` leads above where the parts of a name begin, on a system that parts names so."""
+    depth = 0
+    for part in parts:
+        depth += -1 if part == ".." else 1
+        if depth < 0:
+            return True
+    return False
 
 
 def leads_inside(root: Path, path: Path) -> bool:
