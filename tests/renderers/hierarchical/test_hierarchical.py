@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import pytest
 
@@ -17,6 +18,9 @@ from ibrpipe.synthetic.instanced.pieces import painted_box, placed, turned
 from ibrpipe.synthetic.instanced.solids import painted_ball, solids
 from ibrpipe.types import Camera, Instances, Light, Lighting, Mesh, PaintedMesh, Part, Scene
 from ibrpipe.types.prerendered import PrerenderedScene
+
+#: a forest's slices and pictures take minutes as plain Python; every kernel is run so by tests/core/hierarchy
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="minutes as plain Python")
 
 COARSE = Slicing(directions=48, rays=3, finest=23)
 
