@@ -17,6 +17,7 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def models() -> dict[str, type[BaseModel]]:
     """Return every model of a file on disk, and the options of every renderer, by the name of its schema."""
+    from ibrpipe.bench.antialiasing import Antialiasing
     from ibrpipe.bench.forest.results import ForestModel
     from ibrpipe.bench.hard_cases.file import HardCasesFile
     from ibrpipe.bench.rate_error.results import RateErrorModel
@@ -43,6 +44,7 @@ def models() -> dict[str, type[BaseModel]]:
     }
     found |= {"pipeline": pipeline_model(stages), "speed_error": SpeedErrorModel}
     found |= {
+        "antialiasing": Antialiasing,
         "forest": ForestModel,
         "prerendered": PrerenderedFile,
         "rate_error": RateErrorModel,
