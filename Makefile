@@ -6,8 +6,8 @@ BIN := .venv/bin
 demo: .venv/.ready  ## the whole job on a built-in synthetic capture; ends with demo/report/report.html
 	$(BIN)/ibrpipe demo --out demo
 
-test: .venv/.ready  ## all tests
-	$(BIN)/python -m pytest -q
+test: .venv/.ready  ## all tests; threads that wait leave their core to others
+	OMP_WAIT_POLICY=passive $(BIN)/python -m pytest -q
 
 # Left out, each with its reason: a whole sweep of PatchMatch (minutes; half a sweep is in), and six tests of what is
 # compiled beforehand and cached (with the compiler off nothing is).
