@@ -41,7 +41,7 @@ def is_step(before, one, two, after):
 @kernel
 def find_edges(q, known, out_asked):
     # inverse depths q (H + 4, W + 4) f32 and known (H + 4, W + 4) u8 of `invert_depths` -> (H, W) u8: is there an edge
-    # between the pixel and one of the four around it, or has it no colour and one of these has?
+    # between the pixel and one of the four around it, or has only one of the two a colour?
     rows, columns = out_asked.shape
     for row in prange(rows):
         y = np.int64(row)  # prange counts unsigned
@@ -50,5 +50,7 @@ def find_edges(q, known, out_asked):
             above, below = q[y + 1, x + 2], q[y + 3, x + 2]
             edge = is_step(q[y + 2, x], left, here, right) | is_step(left, here, right, q[y + 2, x + 4])
             edge |= is_step(q[y, x + 2], above, here, below) | is_step(above, here, below, q[y + 4, x + 2])
-            shown = known[y + 2, x + 1] | known[y + 2, x + 3] | known[y + 1, x + 2] | known[y + 3, x + 2]
-            out_asked[y, x] = np.uint8(edge) | (shown & ~known[y + 2, x + 2])
+            own = known[y + 2, x + 2]
+            differs = (known[y + 2, x + 1] ^ own) | (known[y + 2, x + 3] ^ own)
+            differs |= (known[y + 1, x + 2] ^ own) | (known[y + 3, x + 2] ^ own)
+            out_asked[y, x] = np.uint8(edge) | differs

@@ -35,7 +35,7 @@ def twin(depth, known):
             out[y, x] |= steps([at(inverse, y + k * dy, x + k * dx) for k in (-2, -1, 0, 1)])
             out[y, x] |= steps([at(inverse, y + k * dy, x + k * dx) for k in (-1, 0, 1, 2)])
         around = [at(known, y + dy, x + dx) > 0 for dy, dx in ((-1, 0), (1, 0), (0, -1), (0, 1))]
-        out[y, x] |= known[y, x] == 0 and any(around)
+        out[y, x] |= any(each != (known[y, x] > 0) for each in around)
     return out
 
 
@@ -62,6 +62,13 @@ def test_a_slanted_plane_has_no_edge_and_a_step_has_two_pixels():
     edge = found(depth, known)[2] > 0
     assert edge[:, 19:21].all()
     assert edge[:, 2:-2].sum() == 2 * 9
+
+
+def test_where_only_one_of_two_pixels_has_a_colour_both_are_edges():
+    known = np.ones((5, 8), np.float32)
+    known[:, 4:] = 0  # a surface that no photo saw goes on
+    edge = found(np.full((5, 8), 3, np.float32), known)[2] > 0
+    np.testing.assert_array_equal(edge, np.broadcast_to(np.isin(np.arange(8), (3, 4)), (5, 8)))
 
 
 def test_nothing_hit_is_no_edge():
