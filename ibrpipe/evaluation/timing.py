@@ -38,7 +38,12 @@ class Times:
 
 
 def interleave(
-    draws: Mapping[str, Draw], repeats: int, seconds: float = math.inf, least: int = 2, warm: bool = True
+    draws: Mapping[str, Draw],
+    repeats: int,
+    seconds: float = math.inf,
+    least: int = 2,
+    warm: bool = True,
+    clock: Callable[[], float] | None = None,
 ) -> dict[str, Times]:
     """Time all of `draws` in rounds, so that a slow moment of the machine meets all of them.
 
@@ -56,7 +61,10 @@ def interleave(
         Rounds that everyone takes in any case.
     warm : bool
         Everyone draws once before the first round.
+    clock : callable
+        Tells seconds; of the wall if not given.
     """
+    clock = clock or perf_counter
     share = seconds / max(1, len(draws))
     taken: dict[str, list[float]] = {name: [] for name in draws}
     if warm:
@@ -67,11 +75,11 @@ def interleave(
         for name, draw in draws.items():
             if len(taken[name]) >= least and spent[name] > share:
                 continue
-            first = perf_counter()
+            first = clock()
             draw()
-            began = perf_counter()
+            began = clock()
             draw()
-            ended = perf_counter()
+            ended = clock()
             taken[name].append(1e3 * (ended - began))
             spent[name] += ended - first
     return {name: _times(values) for name, values in taken.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from math import isqrt
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from click.testing import CliRunner
 from small_fields import CAMERAS, layers
 
 import ibrpipe
-from ibrpipe.bench.antialiasing import TRUTH_SIDE, draw_truth, run_antialiasing
+from ibrpipe.bench.antialiasing import TRUTH, draw_truth, run_antialiasing
 from ibrpipe.cli.main import cli
 
 
@@ -20,10 +21,10 @@ def asset():
 
 
 def test_the_truth_is_the_mean_of_a_larger_picture(asset):
-    camera = CAMERAS["front"].resized(30, 50)  # bands do not divide it
+    camera, side = CAMERAS["front"].resized(30, 50), isqrt(TRUTH)
     color, alpha = draw_truth(ibrpipe.prepare(asset), camera)
-    large = ibrpipe.render(asset, camera.resized(30 * TRUTH_SIDE, 50 * TRUTH_SIDE))
-    shape = (50, TRUTH_SIDE, 30, TRUTH_SIDE)
+    large = ibrpipe.render(asset, camera.resized(30 * side, 50 * side))
+    shape = (50, side, 30, side)
     np.testing.assert_allclose(alpha, large.alpha.reshape(shape).mean(axis=(1, 3)), atol=1e-3)
     weighted = (large.color * large.alpha[..., None]).reshape(*shape, 3).mean(axis=(1, 3))
     np.testing.assert_allclose(color, weighted, atol=2e-3)

@@ -44,6 +44,12 @@ def test_methods_take_turns_and_the_second_draw_counts(clock):
     assert found["b"] == [pytest.approx(700.0)]
 
 
+def test_another_clock_may_tell_the_time():
+    ticks = iter(range(100))
+    found = timing.interleave({"a": lambda: None}, repeats=3, clock=lambda: float(next(ticks)))
+    assert (found["a"].median, found["a"].count) == (1000.0, 3)
+
+
 def test_slow_methods_leave_turns_out_but_take_one(clock):
     methods = {"slow": clock.method("slow", [5.0] * 20), "fast": clock.method("fast", [0.01] * 40)}
     timing.time_methods(methods, [camera()], repeats=7, seconds=1.0)
