@@ -118,10 +118,10 @@ def render(
         raise RendererError(f"camera must be a Camera, got {type(camera).__name__}; build one with ibrpipe.Camera")
     prepared = prepare(source, renderer)
     samples, drawer = getattr(checked, "samples", 1), chosen()
+    if samples == 1 or (samples == "adaptive" and not {"color", "alpha"} & set(wanted)):
+        return drawer.draw(prepared.data, camera, wanted, checked)  # several rays at edges leave depth as it is
     if samples == "adaptive":
         return drawer.draw_adaptive(prepared.data, camera, wanted, checked)
-    if samples == 1:
-        return drawer.draw(prepared.data, camera, wanted, checked)
     from ibrpipe.renderers.antialiasing import supersample
 
     return supersample(lambda view, names: drawer.draw(prepared.data, view, names, checked), camera, wanted, samples)

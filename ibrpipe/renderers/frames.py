@@ -13,7 +13,7 @@ from ibrpipe.types import Array, Frame
 
 
 def make_frame(
-    outputs: Collection[str], depth: Array, color: Array | None, alpha: Array | None, stats: Mapping[str, Any]
+    outputs: Collection[str], depth: Array | None, color: Array | None, alpha: Array | None, stats: Mapping[str, Any]
 ) -> Frame:
     """Return a frame of those of the arrays that `outputs` asks for."""
     return Frame(

@@ -99,7 +99,7 @@ class Renderer(ABC, Generic[Data, Chosen]):
         """
 
     def draw_adaptive(self, data: Data, camera: Camera, outputs: tuple[str, ...], options: Chosen) -> Frame:
-        """Draw as `draw`, with several rays where a pixel shows an edge.
+        """Draw as `draw`, with several rays where a pixel shows an edge; colour or alpha is asked for.
 
         This draws the whole picture with several rays a pixel, and takes of it what lies at edges; renderers that can
         draw some pixels alone have a quicker way of their own.

@@ -10,6 +10,7 @@ from small_fields import layers, relief
 
 import ibrpipe
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers import antialiasing
 from ibrpipe.renderers.antialiasing import supersample
 from ibrpipe.renderers.edges import edge_pixels
 from ibrpipe.types import Camera, ParallelFrame, ReliefTexture
@@ -93,6 +94,51 @@ def test_every_renderer_draws_several_rays(renderer):
     assert ((four.alpha > 0) & (four.alpha < 1)).any()
     adaptive = ibrpipe.render(prepared, CAMERA, renderer, samples="adaptive")
     assert ((adaptive.alpha > 0) & (adaptive.alpha < 1)).any()
+
+
+@pytest.mark.parametrize("samples", [4, 9, "adaptive"])
+@pytest.mark.parametrize("renderer", ["ldi", "epipolar", "relief", "splat", "prewarp"])
+def test_bands_are_what_is_drawn_in_one_go(renderer, samples, monkeypatch):
+    prepared = ibrpipe.prepare(relief(), renderer)
+    whole = ibrpipe.render(prepared, CAMERA, renderer, samples=samples)
+    monkeypatch.setattr(antialiasing, "MOST_RAYS", 1500)  # nine rows of four rays a pixel, four of nine
+    bands = ibrpipe.render(prepared, CAMERA, renderer, samples=samples)
+    assert bands.stats["rays"] == whole.stats["rays"]
+    for name in ("color", "depth", "alpha"):
+        one, other = getattr(whole, name), getattr(bands, name)
+        if renderer == "prewarp":  # its passes resample in coordinates of the picture, which round otherwise in a band
+            np.testing.assert_allclose(other, one, atol=1e-5)
+        else:
+            np.testing.assert_array_equal(other, one)
+
+
+def test_no_band_has_more_rays_than_allowed(monkeypatch):
+    drawn = []
+
+    def draw(camera, names):
+        drawn.append(camera.width * camera.height)
+        return ibrpipe.Frame(None, None, np.ones((camera.height, camera.width), np.float32))
+
+    monkeypatch.setattr(antialiasing, "MOST_RAYS", 1500)
+    frame = supersample(draw, CAMERA, ("alpha",), 9)
+    assert max(drawn) <= 1500
+    assert sum(drawn) == frame.stats["rays"] == 9 * 40 * 30
+
+
+def test_rays_are_those_that_were_cast():
+    layered, height = disc()
+    pixels = VIEW.width * VIEW.height
+    traced, whole = (ibrpipe.render(source, VIEW, samples="adaptive").stats for source in (layered, height))
+    assert traced["rays"] == pixels + 9 * traced["edge_pixels"]
+    assert whole["rays"] == 5 * pixels
+    assert ibrpipe.render(layered, VIEW, samples=16).stats["rays"] == 16 * pixels
+
+
+@pytest.mark.parametrize("source", disc())
+def test_depth_alone_is_drawn_with_one_ray(source):
+    one, adaptive = (ibrpipe.render(source, VIEW, samples=each, outputs=("depth",)) for each in (1, "adaptive"))
+    np.testing.assert_array_equal(adaptive.depth, one.depth)
+    assert adaptive.stats["rays"] == VIEW.width * VIEW.height
 
 
 def test_depth_is_that_of_the_ray_farther_than_half_of_them():

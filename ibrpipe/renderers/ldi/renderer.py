@@ -85,6 +85,7 @@ def draw_adaptive(scene: Scene, camera: Camera, outputs: tuple[str, ...], option
         if edges:
             draw_means(edges, color, known)
     stats["edge_pixels"] = len(edges[0].depth) if edges else 0
+    stats["rays"] += edges[0].depth.size if edges else 0
     stats["milliseconds"] += 1e3 * (perf_counter() - began)
     return make_frame(outputs, depth, color, known, stats)
 
