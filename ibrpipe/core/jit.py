@@ -1,7 +1,8 @@
 """The only jit decorators of the project.
 
 ``helper`` compiles scalar functions that kernels call, ``kernel`` compiles loops with ``prange`` over rows (each
-row written by one thread, so the thread count never changes a byte), ``serial`` compiles loops whose order matters.
+row written by one thread, so the thread count never changes a byte), ``serial`` compiles loops whose order matters;
+``exact_...`` do their arithmetic as written.
 Fast-math is a subset without ``nnan`` and ``ninf``: holes are NaN and misses are infinite here.
 Compiled code is cached per module, in a folder named by a hash of its source and of all kernel modules that it imports:
 an edit in any of them is seen, and an edit elsewhere compiles nothing anew.
@@ -164,6 +165,14 @@ def exact_kernel(function: Callable[..., Any]) -> Any:
 def serial(function: Callable[..., Any]) -> Any:
     """Compile a loop that runs on one thread because its order matters."""
     return _compile(function)
+
+
+def exact_serial(function: Callable[..., Any]) -> Any:
+    """`serial` whose arithmetic is done as written; for loops that threads of Python's run side by side, too.
+
+    A loop on all threads may not be entered by several threads at once where Numba has neither OpenMP nor TBB.
+    """
+    return _compile(function, fastmath=AS_WRITTEN)
 
 
 def foreign(function: Callable[..., Any]) -> Any:

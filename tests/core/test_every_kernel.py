@@ -10,7 +10,7 @@ import ibrpipe.core
 
 CORE = Path(ibrpipe.core.__file__).parent
 #: decorators of what Python calls; the others are for what kernels call
-KERNELS = {"kernel", "exact_kernel", "serial"}
+KERNELS = {"kernel", "exact_kernel", "serial", "exact_serial"}
 MOST_ARGUMENTS = 12
 
 

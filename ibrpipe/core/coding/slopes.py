@@ -1,7 +1,7 @@
 """Slopes of a picture with holes: the plane that fits a sample and its neighbours on the same surface best.
 
 The plane goes through the sample itself: least squares over the 5 x 5 texels around it, but those that are too far off
-for one surface.
+for one surface. One thread: pictures are coded side by side by threads of their own.
 """
 
 from __future__ import annotations
@@ -9,19 +9,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import prange
 
-from ibrpipe.core.jit import exact_kernel
+from ibrpipe.core.jit import exact_serial
 
 #: texels on either side that count
 REACH = 2
 
 
-@exact_kernel
+@exact_serial
 def fit_slopes(values, there, steepest, relative, out_slopes):
     # values (H, W) f64; there (H, W) bool; steepest: difference per texel that may still be one surface, times the
     # value itself where relative; out_slopes (H, W, 2) f64: per column, per row; 0 where neighbours do not tell
-    for i in prange(values.shape[0]):
+    for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             uu, uv, vv, uz, vz = 0.0, 0.0, 0.0, 0.0, 0.0
             if there[i, j]:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from kernel_runs import on_all_thread_counts
@@ -56,3 +60,27 @@ def test_the_kernel_fills_every_sample_with_holes_and_without(shape):
 
     (found,) = on_all_thread_counts(fill)
     np.testing.assert_allclose(found, twin(values, there, 0.7, False), atol=1e-9)
+
+
+THREADS = """
+from concurrent.futures import ThreadPoolExecutor
+import numpy as np
+from ibrpipe.core.coding.slopes import slopes
+v, u = np.mgrid[:200, :200]
+whole = np.ones((200, 200), bool)
+with ThreadPoolExecutor(4) as pool:
+    found = list(pool.map(lambda k: slopes(k * u - v, whole, 99.0, False), np.arange(32.0)))
+for k, each in enumerate(found):
+    np.testing.assert_allclose(each, np.broadcast_to([k, -1], each.shape), atol=1e-9)
+"""
+
+
+def test_several_threads_may_ask_at_once_with_any_threading_layer():
+    """Numba's own layer, the only one on some systems, aborts where threads enter loops of it side by side."""
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS],
+        env={**os.environ, "NUMBA_THREADING_LAYER": "workqueue"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
