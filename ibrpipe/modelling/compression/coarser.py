@@ -20,8 +20,8 @@ STEEPEST = 4.0
 def coarser(asset: Asset, factor: int) -> Asset:
     """Return the asset with `factor` x `factor` texels of its layers as one; residual images stay as they are.
 
-    Depth, colour, normal and weights are means over the samples of a surface. A surface that is in fewer than half of
-    the texels that become one is left out there, so that outlines neither grow nor shrink.
+    Depth, colour, normal, weights and coverage are means over the samples of a surface. A surface that is in fewer than
+    half of the texels that become one is left out there, so that outlines neither grow nor shrink.
     """
     return Asset(tuple(_texture(texture, factor) for texture in asset.textures), asset.info)
 
@@ -71,6 +71,7 @@ def joined(layers: LayeredDepthImage, factor: int) -> tuple[LayeredDepthImage, A
         _means(layers.color, number, count),
         np.where(size > 0, normal / np.where(size > 0, size, 1.0), np.nan).astype(np.float32),
         None if layers.observers is None else _most(layers.observers, number, count),
+        None if layers.coverage is None else _means(layers.coverage[:, None], number, count)[:, 0],
     )
     return found, number, count
 

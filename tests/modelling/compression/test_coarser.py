@@ -76,6 +76,13 @@ def test_weights_go_along() -> None:
     np.testing.assert_allclose(texture.component("reflection").weights, wanted, rtol=1e-6)
 
 
+def test_coverage_goes_along() -> None:
+    share = (0.25 + 0.5 * np.random.default_rng(2).random(16)).astype(np.float32)
+    coarse, _, _ = joined(replace(plane(4, 4), coverage=share), 2)
+    np.testing.assert_allclose(coarse.coverage, share.reshape(2, 2, 2, 2).mean(axis=(1, 3)).ravel(), rtol=1e-6)
+    assert joined(plane(4, 4), 2)[0].coverage is None
+
+
 def test_what_is_shared_keeps_its_file(tmp_path) -> None:
     light = ReflectedLight(np.random.default_rng(1).random((1, 16, 16, 3)), (0.04,))
     asset = Asset((Texture(plane(), (Reflection(light, None),)),))
