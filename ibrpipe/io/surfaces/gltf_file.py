@@ -65,6 +65,7 @@ def make_plain(file: GltfFile, materials: bool = True, strict: bool = True, know
     unknown = [name for name in required if name not in (*_KNOWN, *known) and (materials or "texture" not in name)]
     if unknown:
         raise FormatError(f"{path}: needs {', '.join(unknown)}, which is not read; export it without, as plain glTF")
+    file.check_buffers()
     if materials:
         _check_images(file, strict)
     for mesh in file.json.get("meshes", []):
@@ -108,10 +109,19 @@ class GltfFile:
             return next((content for kind, content in self.chunks if kind == b"BIN\0"), b"")
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2])
+        return self._beside(uri).read_bytes()
+
+    def check_buffers(self) -> None:
+        """Look for the files of buffers beside the mesh: trimesh reads those that need no change by itself."""
+        for buffer in self.json.get("buffers", []):
+            if not buffer.get("uri", "data:").startswith("data:"):
+                self._beside(buffer["uri"])
+
+    def _beside(self, uri: str) -> Path:
         found = inside(self.path.parent, unquote(uri), self.path, _BESIDE)
         if not found.is_file():
             raise MissingFileError(f"{found}: the buffer that {self.path.name} names does not exist; put it there")
-        return found.read_bytes()
+        return found
 
     def values(self, index: int) -> Array:
         """Return the numbers of an accessor, (count, width): floats where they are normalised, sparse ones in place."""

@@ -195,7 +195,21 @@ def test_what_gltf_needs_and_is_not_there_is_named(tmp_path):
     with pytest.raises(MissingFileError, match=r"t.png: the texture that m.gltf names does not exist"):
         read_textured(path)
     (tmp_path / "data.bin").unlink()
-    with pytest.raises((FormatError, MissingFileError), match=r"data.bin|damaged"):
+    with pytest.raises(MissingFileError, match=r"data.bin: the buffer that m.gltf names does not exist"):
+        read_mesh(path)
+
+
+@pytest.mark.parametrize("how", ["../outside.bin", "..%2Foutside.bin", "absolute", "link"])
+def test_buffers_lie_beside_the_mesh(tmp_path, how):
+    (tmp_path / "mesh").mkdir()
+    path, outside = gltf(tmp_path / "mesh/m.gltf"), tmp_path / "outside.bin"
+    (tmp_path / "mesh/data.bin").rename(outside)
+    if how == "link":
+        (tmp_path / "mesh/data.bin").symlink_to(outside)
+    else:
+        name = str(outside) if how == "absolute" else how
+        path.write_text(path.read_text().replace("data.bin", name))
+    with pytest.raises(FormatError, match=r"m.gltf: '.*' leads out of .*; put what the mesh names beside it"):
         read_mesh(path)
 
 
