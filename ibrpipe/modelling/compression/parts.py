@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from ibrpipe.engine.executor import cores
 from ibrpipe.io.assets import AssetIndex, component_bytes
 from ibrpipe.io.layer_pictures.partly import coded_partly
@@ -16,6 +18,9 @@ from ibrpipe.modelling.compression.steps import ANCHORS, FACTORS, LADDERS, Codin
 from ibrpipe.modelling.compression.tradeoff import Curve, filled
 from ibrpipe.types import Asset, Reflection, Texture, ViewDependence
 
+#: mean square, of colours from 0 to 1, that a level adds at least: what seems to mend something is chance, and tells
+#: nothing of coarser levels
+LEAST_ERROR = 1e-9
 #: PSNR of an asset, dB; None = nothing shows it
 Measure = Callable[[Asset], float | None]
 #: bytes of a part that is kept exactly, by those of its finest level that is measured; not coded, because that is slow
@@ -53,14 +58,15 @@ class Parts:
         )
 
     def curve(self, name: str, ladder: Sequence[Level], anchors: Sequence[int]) -> Curve:
-        """Return the curve of one part over its ladder; `anchors` are measured."""
+        """Return the curve of one part over its ladder; `anchors` are measured. No level errs less than a finer one."""
         sizes, errors = [], []
         for place in anchors:
             asset, size = self.coded(step_of([ladder[place]]))
-            sizes.append(float(size))
-            errors.append(square(self._measure(asset)) - self._error)
+            sizes.append(max(float(size), 1.0))
+            errors.append(max(square(self._measure(asset)) - self._error, LEAST_ERROR))
         factors = FACTORS.get(name, (1.0, 1.0))
-        found = Curve(filled(len(ladder), anchors, sizes, factors[0]), filled(len(ladder), anchors, errors, factors[1]))
+        growing = np.maximum.accumulate(filled(len(ladder), anchors, errors, factors[1]))
+        found = Curve(filled(len(ladder), anchors, sizes, factors[0]), growing)
         if not ladder[0]:
             found.errors[0], found.sizes[0] = 0.0, self._exact(name, sizes[0])
         return found
@@ -103,10 +109,10 @@ def square(psnr: float | None) -> float:
     return float(10 ** (-0.1 * (psnr or 0.0)))
 
 
-def curves_of(parts: Parts, fixed: Mapping[str, Level], wanted: Sequence[str] | None = None) -> dict[str, Curve]:
+def curves_of(parts: Parts, fixed: Mapping[str, Level]) -> dict[str, Curve]:
     """Return the curves of all parts; one whose level is fixed has only that."""
     found = {}
-    for name in wanted or parts.names():
+    for name in parts.names():
         ladder, anchors = LADDERS[name], ANCHORS[name]
         if name in fixed:
             ladder, anchors = (fixed[name],), (0,)

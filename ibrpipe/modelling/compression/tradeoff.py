@@ -24,7 +24,7 @@ class Curve:
     Attributes
     ----------
     sizes : (N,) float64, bytes
-    errors : (N,) float64, mean square that the level adds, of colours from 0 to 1; below 0 where coding mends something
+    errors : (N,) float64, mean square that the level adds, of colours from 0 to 1
     """
 
     sizes: Array
@@ -91,19 +91,16 @@ def filled(count: int, places: Sequence[int], values: Sequence[float], factor: f
 
     Parameters
     ----------
-    places, values : measured levels, ascending, and what was measured
+    places, values : measured levels, ascending, and what was measured, above 0
     factor : from level to level, where only one was measured
 
     Returns
     -------
     (count,) float64
-        Where all values are above 0, they change by a factor from level to level, beyond the measured ones, too;
-        otherwise they change evenly between these, and stay beyond.
+        They change by a factor from level to level, beyond the measured ones, too.
     """
-    x, known, y = np.arange(count, dtype=np.float64), np.asarray(places, np.float64), np.asarray(values, np.float64)
-    if not (y > 0).all():
-        return np.interp(x, known, y)
-    logs = np.log(y)
+    x, known = np.arange(count, dtype=np.float64), np.asarray(places, np.float64)
+    logs = np.log(np.asarray(values, np.float64))
     if len(known) == 1:
         return np.exp(logs + np.log(factor) * (x - known))
     out = np.interp(x, known, logs)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from ibrpipe.modelling.compression.parts import LEAST_ERROR, Parts, Source
 from ibrpipe.modelling.compression.tradeoff import Curve, choices, filled
 
 
@@ -45,5 +47,25 @@ def test_levels_between_and_beyond_change_by_a_factor() -> None:
     np.testing.assert_allclose(filled(4, (1,), (3.0,), 2.0), [1.5, 3, 6, 12])
 
 
-def test_what_mends_something_is_interpolated_evenly() -> None:
-    np.testing.assert_allclose(filled(5, (1, 3), (-1.0, 1.0)), [-1, -1, 0, 1, 1])
+class Measured(Parts):
+    """Parts whose levels of quality 90 and 50 take 1000 and 100 bytes and have the PSNR that is told."""
+
+    def __init__(self, before: float, found: dict[int, float]) -> None:
+        super().__init__(Source(Path(), None, None), lambda quality: found[quality], before)
+
+    def coded(self, step):
+        return step.layers.color_quality, {90: 1000, 50: 100}[step.layers.color_quality]
+
+
+LADDER = [{}, *({"color_quality": quality} for quality in (90, 70, 50, 30, 10))]
+
+
+@pytest.mark.parametrize("found", [{90: 30.1, 50: 29.5}, {90: 29.9, 50: 30.1}, {90: 29.9, 50: 29.5}])
+def test_a_level_that_seems_to_mend_something_makes_no_coarser_one_free(found: dict[int, float]) -> None:
+    curve = Measured(30.0, found).curve("color", LADDER, (1, 3))
+    assert curve.errors[0] == 0.0
+    assert (curve.errors[1:] >= LEAST_ERROR).all()
+    assert (np.diff(curve.errors) >= 0).all()
+    np.testing.assert_allclose(curve.sizes[[1, 3]], [1000, 100])
+    if found[50] < 30:
+        assert curve.errors[5] > 2 * curve.errors[3]
