@@ -18,9 +18,10 @@ from ibrpipe.errors import CaptureError, FormatError, IbrError, MissingFileError
 from ibrpipe.io.cameras.colmap import find_model
 from ibrpipe.io.cameras.lenses import Keep, undistorted_calibration
 from ibrpipe.io.cameras.shots import PHOTO_SUFFIXES, CameraSet, Shot
+from ibrpipe.io.cameras.sources import camera_files, has_test, read_cameras
 from ibrpipe.io.cameras.sources import has_cameras as has_cameras
-from ibrpipe.io.cameras.sources import has_test, read_cameras
 from ibrpipe.io.photos.exposure import (
+    EXPOSURES,
     gains_from_csv,
     gains_from_exif,
     gains_from_partial_exif,
@@ -59,7 +60,7 @@ class CaptureOptions:
         Folder whose ``sparse/0`` replaces the capture's cameras, and whose ``test/sparse/0`` those of ``test/``,
         where they exist.
     allow_outside : bool
-        Photos, masks, depth maps and mesh may lie outside the folder: where links, absolute paths or ``..`` lead.
+        What the capture consists of may lie outside its folder: where links, absolute paths or ``..`` lead.
     """
 
     hold_out_every: int = 8
@@ -136,6 +137,9 @@ def read_capture(path: Path | str, options: CaptureOptions | None = None) -> Cap
         raise MissingFileError(f"{root}: is no folder; give a capture folder with images/ and cameras")
     root = root.resolve()
     told = _Told()
+    if not options.allow_outside:
+        stated = [*camera_files(root), *camera_files(root / "test"), root / EXPOSURES]
+        _check_inside(root, [path for path in stated if path.exists()])
     model, test_model = _models(root, options.cameras)
     cameras = read_cameras(root, model)
     told.add(cameras)
@@ -327,7 +331,7 @@ def _names(files: list[str]) -> list[str]:
 def _gains(
     root: Path, shots: tuple[Shot, ...], headers: list[ImageHeader], exposure: Exposure, told: _Told
 ) -> tuple[list[float], str]:
-    table = root / "exposure.csv"
+    table = root / EXPOSURES
     if exposure == "csv" and not table.is_file():
         raise MissingFileError(f"{table}: does not exist although exposure is 'csv'; add it or set exposure: none")
     if exposure == "csv" or (exposure == "auto" and table.is_file()):

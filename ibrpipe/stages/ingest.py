@@ -47,7 +47,7 @@ class IngestConfig(StageConfig):
     )
     allow_outside: bool = Field(
         False,
-        description="Photos, masks, depth maps and mesh may lie outside the capture folder, where links or paths lead",
+        description="What a capture consists of may lie outside its folder, where links or paths lead",
     )
     max_pixels: int | None = Field(
         None, ge=64, description="Photos with more pixels are shrunk to at most this many on loading; none = never"

@@ -63,8 +63,34 @@ def by_mesh(capture):
     (capture / "mesh.ply").symlink_to(capture.parent / "mesh.ply")
 
 
+def linked(name):
+    """Move a file or folder of the capture out of it and leave a link."""
+
+    def leave(capture):
+        shutil.move(capture / name, capture.parent / "outside/moved")
+        (capture / name).symlink_to(capture.parent / "outside/moved")
+
+    return leave
+
+
+def by_exposures(capture):
+    photos = sorted(path.name for path in (capture / "images").iterdir())
+    lines = ["file,relative_exposure_stops", *(f"{name},0" for name in photos)]
+    (capture / "exposure.csv").write_text("\n".join(lines))
+    linked("exposure.csv")(capture)
+
+
+LINKED = [
+    linked(name) for name in ("sparse", "sparse/0", "sparse/0/images.txt", "sparse/0/cameras.txt", "transforms.json")
+]
+
+
 @pytest.mark.parametrize(
-    "leave", [by_link, by_linked_folder, by_colmap, by_transforms, by_absolute_path, by_masks, by_mesh]
+    "leave",
+    [
+        *(by_link, by_linked_folder, by_colmap, by_transforms, by_absolute_path, by_masks, by_mesh, by_exposures),
+        *LINKED,
+    ],
 )
 def test_outside_is_for_those_who_allow_it(capture, leave):
     leave(capture)

@@ -19,7 +19,7 @@ from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.untrusted.boundary import reader, utf8_text
 from ibrpipe.types import Array
 
-BUNDLER = "bundle.out"
+BUNDLER, LIST = "bundle.out", "list.txt"
 _REMEDY = "export the cameras again"
 #: Rows of numbers of a camera: f k1 k2, three of the rotation, the translation
 _ROWS = 5
@@ -46,7 +46,7 @@ def read_bundler(path: Path, images: Path) -> CameraSet:
     MissingFileError, FormatError, CaptureError
         The list is missing, the file is damaged, or no camera was placed.
     """
-    names = _names(path.with_name("list.txt"))
+    names = _names(path.with_name(LIST))
     rows = _rows(path, len(names))
     photos = PhotoFolder(images)
     missing: list[str] = []

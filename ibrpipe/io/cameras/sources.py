@@ -9,15 +9,24 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.errors import CaptureError, IbrError
-from ibrpipe.io.cameras.bundler import BUNDLER, read_bundler
-from ibrpipe.io.cameras.colmap import find_model, find_models, image_count, read_model
+from ibrpipe.io.cameras.bundler import BUNDLER, LIST, read_bundler
+from ibrpipe.io.cameras.colmap import FOLDERS, find_model, find_models, image_count, read_model
 from ibrpipe.io.cameras.metashape import METASHAPE, read_metashape
-from ibrpipe.io.cameras.middlebury import is_stereo, read_stereo
+from ibrpipe.io.cameras.middlebury import CALIBRATION, is_stereo, read_stereo
 from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot, name_below
-from ibrpipe.io.cameras.transforms import BLENDER_TRAIN, TRANSFORMS, read_blender, read_nerfstudio
+from ibrpipe.io.cameras.transforms import BLENDER_TEST, BLENDER_TRAIN, TRANSFORMS, read_blender, read_nerfstudio
 
 #: Camera files beside COLMAP's models, best first
 CAMERA_FILES = (TRANSFORMS, BLENDER_TRAIN, METASHAPE, BUNDLER)
+
+
+def camera_files(root: Path) -> list[Path]:
+    """Return the files and folders of a capture folder, or of its ``test/``, that cameras are read from."""
+    names = (*CAMERA_FILES, BLENDER_TEST, LIST, CALIBRATION)
+    found = [root / name for name in names]
+    for place in (root / name for name in FOLDERS):
+        found += [place, *sorted(place.glob("*")), *sorted(place.glob("*/*"))]
+    return [path for path in found if path.exists()]
 
 
 def has_cameras(root: Path) -> bool:

@@ -11,6 +11,8 @@ from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.photos.image_files import ImageHeader
 from ibrpipe.io.untrusted.boundary import reader
 
+#: the file in a capture, and its column
+EXPOSURES = "exposure.csv"
 COLUMN = "relative_exposure_stops"
 
 
