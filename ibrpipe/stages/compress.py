@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +43,11 @@ _SETTINGS: Mapping[str, Mapping[str, str]] = {
     "weights": {"weight_quality": "weights"},
     "components": {"component_quality": "components"},
 }
+
+#: settings that need photos
+_MEASURED = ("target_mb", "target_db", "loss_db", *(name for names in _SETTINGS.values() for name in names))
+
+logger = logging.getLogger(__name__)
 
 
 class CompressConfig(StageConfig):
@@ -190,6 +196,9 @@ def _choose(
         return CodingStep(), "every bit of the layers is kept, view dependence as it was", True, {}
     if before is None:
         why = "no photo shows the asset, so that nothing can be measured: every bit is kept"
+        asked = [name for name in _MEASURED if name in config.model_fields_set and getattr(config, name) is not None]
+        if asked:
+            logger.warning(f"{coder.source.folder}: {why}, whatever {', '.join(asked)} may say")
         return CodingStep(), why, True, {}
     fixed = _fixed(config)
     curves = curves_of(parts, fixed)

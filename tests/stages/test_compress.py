@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from ibrpipe.errors import FormatError
 from ibrpipe.io.assets import read_asset, read_index, write_asset
 from ibrpipe.io.documents.texture_errors import TextureErrors
 from ibrpipe.io.photos.images import write_png
-from ibrpipe.io.views import View, ViewSet, write_views
+from ibrpipe.io.views import View, ViewSet, read_views, write_views
 from ibrpipe.renderers.api import render
 from ibrpipe.stages.compress import CompressConfig, Inputs, run
 from ibrpipe.types import Asset, Camera, LayeredDepthImage, ParallelFrame, SpiralResiduals, SpiralTexture
@@ -81,6 +82,19 @@ def test_by_itself_it_loses_no_more_than_is_allowed(inputs: Inputs) -> None:
     assert "loses at most 0.5 dB" in found["why"]
     coarser = [trial for trial in found["trials"] if trial["bytes"] < found["chosen"]["bytes"]]
     assert all(trial["psnr"] < found["psnr_before"] - 0.5 for trial in coarser)
+
+
+def test_settings_that_need_photos_are_told_of_where_no_photo_shows_the_asset(inputs: Inputs, caplog) -> None:
+    held_out = tuple(replace(view, held_out=True) for view in read_views(inputs.views).train)
+    write_views(ViewSet((), held_out), inputs.views)
+    assert "every bit is kept" in told(inputs, joined_texels=1)["why"]
+    assert not caplog.records
+    shutil.rmtree(inputs.out)
+    inputs.out.mkdir()
+    assert told(inputs, target_mb=0.01, color_quality=50)["chosen"]["psnr"] is None
+    (line,) = [record.getMessage() for record in caplog.records]
+    assert line.startswith(str(inputs.asset))
+    assert line.endswith("every bit is kept, whatever target_mb, color_quality may say")
 
 
 def test_the_asset_says_how_it_is_coded_and_what_that_lost(inputs: Inputs) -> None:
