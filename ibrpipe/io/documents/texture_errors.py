@@ -20,7 +20,7 @@ class TileErrors(Document):
         None, description="Share of the samples that photos have seen; absent = all of them"
     )
     confidence: list[float | None] = Field(
-        description="0 to 1: mean over the samples of n / (n + 2), n the photos behind one"
+        description="0 to 1: mean over the samples of n / (n + 2), n the photos behind one; 1 where that is not known"
     )
 
 
