@@ -206,8 +206,8 @@ def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
 def _unpacked(archive: zipfile.ZipFile, header: dict[str, Any]) -> tuple[Array, Array]:
     """Return texels (T, 3) uint8 and valid (T,) of the one picture of all directions."""
     sizes = header["sizes"]
-    if not all(len(size) == 2 and all(type(edge) is int and 0 < edge <= LONGEST for edge in size) for size in sizes):
-        raise ValueError("its sizes cannot be")
+    if any(edge > LONGEST for size in sizes for edge in size):
+        raise ValueError(f"an edge is longer than the {LONGEST} texels of one picture")
     try:
         texels = unpack_images(archive.read("residuals.avif"), np.array(sizes, np.int32).reshape(-1, 2))
     except FormatError as error:

@@ -135,11 +135,10 @@ def read_pfm(path: Path) -> Array:
 
 
 def _numpy(path: Path) -> Array:
-    try:
-        held = load_npz(path)
-        found = held["disp"] if "disp" in held else next(iter(held.values()))
-    except (StopIteration, FormatError) as error:
-        raise FormatError(f"{path}: no disparity can be read from it ({error})") from error
+    held = load_npz(path)
+    if not held:
+        raise FormatError(f"{path}: holds no array; disparity is (H, W)")
+    found = held["disp"] if "disp" in held else next(iter(held.values()))
     if found.ndim != 2:
         raise FormatError(f"{path}: holds an array of shape {found.shape}; disparity is (H, W)")
     return np.asarray(found, np.float32)
