@@ -21,6 +21,8 @@ from ibrpipe.io.photos.threshold_masks import threshold_mask
 from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array, Camera
 
+#: the file in a run's folder
+IN_RUN = "ingest/views.json"
 MaskRule = Literal["coverage", "nonzero"]
 #: how many training photos are shown where none is held out
 STAND_INS = 8

@@ -11,8 +11,9 @@ import pytest
 from click.testing import CliRunner
 
 from ibrpipe.cli.main import cli
-from ibrpipe.engine.artifacts import input_fields, needs, sources
+from ibrpipe.engine.artifacts import input_fields, needs, products, sources
 from ibrpipe.errors import ConfigError
+from ibrpipe.io.views import IN_RUN
 from ibrpipe.stages import registry
 from ibrpipe.stages.registry import load_stage, load_stages, register, registered
 
@@ -168,3 +169,7 @@ def test_a_package_cannot_take_a_name(site: Path) -> None:
     assert CliRunner().invoke(cli, ["--help"]).exit_code == 0
     with pytest.raises(ConfigError, match='"plan" already, as the package shrinker wants it; choose another name'):
         load_stages()
+
+
+def test_the_views_of_a_run_lie_where_readers_without_stages_look_for_them():
+    assert products(load_stages())["views"].path == IN_RUN

@@ -18,6 +18,7 @@ from ibrpipe.export.page.surface import pack_surface, sample_places
 from ibrpipe.export.page.view import Start, find_start
 from ibrpipe.export.registry import Exporter
 from ibrpipe.io.assets import read_asset
+from ibrpipe.io.views import IN_RUN
 from ibrpipe.renderers.api import render
 from ibrpipe.types import Array, Asset
 
@@ -65,7 +66,7 @@ def write(source: Path, target: Path, notes: Path | None = None) -> None:
 def page_of(source: Path, notes: Path | None = None) -> str:
     """Return the page of the asset in folder `source`; raises as `write` does of what it reads."""
     words = PageNotes() if notes is None else read_notes(notes)
-    views = source.parent / "ingest/views.json"
+    views = source.parent / IN_RUN
     return make_page(read_asset(source), words, name_of(source), views if views.is_file() else None)
 
 
