@@ -38,11 +38,19 @@ def single_layer(
     return LayeredDepthImage(frame, offsets_of(there), depth[there], color[there], known, observers)
 
 
+def solid_samples(layers: LayeredDepthImage) -> Array:
+    """Return which samples fill at least half of their texel, (S,) bool."""
+    if layers.coverage is None:
+        return np.ones(len(layers.depth), bool)
+    solid: Array = layers.coverage >= 0.5
+    return solid
+
+
 def opaque(layers: LayeredDepthImage) -> LayeredDepthImage:
     """Return layers whose samples fill their texels, without those that fill less than half: for sharp edges."""
     if layers.coverage is None:
         return layers
-    kept = layers.coverage >= 0.5
+    kept = solid_samples(layers)
     ends = np.concatenate([[0], np.cumsum(kept, dtype=np.int64)])
     observers = None if layers.observers is None else layers.observers[kept]
     return LayeredDepthImage(

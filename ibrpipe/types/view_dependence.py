@@ -48,6 +48,10 @@ class ViewDependence(Protocol):
         """The one object that all components of the kind refer to within an asset; None = each stands alone."""
         return None
 
+    def of_samples(self, kept: Array) -> ViewDependence:
+        """Return the component of layers of which only the samples `kept`, (S,) bool, are left."""
+        return self
+
 
 def check_components(components: Sequence[ViewDependence]) -> tuple[ViewDependence, ...]:
     """Return the components as a tuple.
@@ -64,7 +68,8 @@ def check_components(components: Sequence[ViewDependence]) -> tuple[ViewDependen
     for component in components:
         if not isinstance(component, ViewDependence):
             raise ShapeError(
-                f"a component must have kind, bytes and shared (ViewDependence), got {type(component).__name__}"
+                "a component must have kind, bytes, shared and of_samples (ViewDependence), "
+                f"got {type(component).__name__}"
             )
     kinds = [component.kind for component in components]
     twice = sorted({kind for kind in kinds if kinds.count(kind) > 1})

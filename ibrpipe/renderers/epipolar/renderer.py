@@ -23,8 +23,7 @@ from ibrpipe.renderers.scene import Hits, Scene, shade_hits
 from ibrpipe.renderers.scene import prepare as prepare_scene
 from ibrpipe.renderers.search.epipolar_lines import EYE, Map, cast_map, patch_map
 from ibrpipe.types import Array, Camera, Frame, LayeredDepthImage, Texture
-from ibrpipe.types.layers import opaque
-from ibrpipe.types.reflection import Reflection
+from ibrpipe.types.layers import opaque, solid_samples
 from ibrpipe.types.renderable import GridSource
 
 
@@ -81,8 +80,8 @@ def _solid(source: GridSource) -> GridSource:
     if isinstance(source, LayeredDepthImage):
         return opaque(source)
     if isinstance(source, Texture) and source.layers.coverage is not None:
-        kept = source.layers.coverage >= 0.5
-        parts = tuple(part.of_samples(kept) if isinstance(part, Reflection) else part for part in source.components)
+        kept = solid_samples(source.layers)
+        parts = tuple(part.of_samples(kept) for part in source.components)
         return replace(source, layers=opaque(source.layers), components=parts)
     return source
 

@@ -6,6 +6,7 @@ import json
 import re
 import sys
 import types
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,13 @@ def test_only_the_texture_that_has_it_changes(tint):
     assert new.sum() > 30
     np.testing.assert_array_equal(both.color[same], lone.color[same])
     assert (both.color[new] > 0.3).all()
+
+
+def test_it_is_told_of_samples_that_are_left_out(tint, monkeypatch):
+    told, coverage = [], np.where(np.arange(16) % 3 == 0, 0.2, 0.9)
+    monkeypatch.setattr(tint.Tint, "of_samples", lambda self, kept: told.append(kept) or self)
+    ibrpipe.prepare(Texture(replace(layers(), coverage=coverage), (tint.Tint(0.5),)), "epipolar")
+    np.testing.assert_array_equal(told, [coverage >= 0.5])
 
 
 def test_the_view_independent_picture_comes_first(tint):
