@@ -5,29 +5,32 @@ read bilinearly from its *padded* form (n + 2, n + 2), whose border repeats the 
 beyond cell (i, 0) lies (n - 1 - i, 0), and all four corners are the one direction -z.
 """
 
-import math
-
 import numpy as np
 
 from ibrpipe.core.jit import fused_exact
 
+#: of float32, so that positions are computed in the precision of the direction
+NONE, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+
 
 @fused_exact
 def octahedral_position(x, y, z, size):
-    # direction, any length but 0 -> (u, v) in [0.5, size + 0.5]: padded cell (i, j)'s centre is at (i, j)
-    scale = 1.0 / (abs(x) + abs(y) + abs(z))
+    # direction, any length but 0 -> (u, v) in [0.5, size + 0.5]: padded cell (i, j)'s centre is at (i, j); no branches
+    scale, n = ONE / (abs(x) + abs(y) + abs(z)), np.float32(size)
     u, v = x * scale, y * scale
-    if z < 0.0:
-        u, v = math.copysign(1.0 - abs(v), u), math.copysign(1.0 - abs(u), v)
-    return (u + 1.0) * 0.5 * size + 0.5, (v + 1.0) * 0.5 * size + 0.5
+    du, dv = ONE - abs(v), ONE - abs(u)
+    du, dv = (du if u >= NONE else -du), (dv if v >= NONE else -dv)
+    u, v = (u if z >= NONE else du), (v if z >= NONE else dv)
+    return (u + ONE) * HALF * n + HALF, (v + ONE) * HALF * n + HALF
 
 
 @fused_exact
 def table_cell(x, y, z, size):
     # direction -> (row and column of the nearer corner in the padded table, as one number; position in the cell)
     u, v = octahedral_position(x, y, z, size)
-    i, j = min(int(u), size), min(int(v), size)
-    return np.int32(j * (size + 2) + i), u - i, v - j
+    i, j, most = np.int32(u), np.int32(v), np.int32(size)
+    i, j = (i if i < most else most), (j if j < most else most)
+    return np.int32(j * (most + 2) + i), u - np.float32(i), v - np.float32(j)
 
 
 def cell_directions(size):

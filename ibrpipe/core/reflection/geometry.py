@@ -10,7 +10,7 @@ from numba import prange
 
 from ibrpipe.core.jit import exact_kernel, fused_exact
 from ibrpipe.core.reflection.directions import table_cell
-from ibrpipe.core.reflection.model import CORNERS, corner_weights
+from ibrpipe.core.reflection.model import CORNERS, corner_weights, mirror
 
 BLOCK = 128
 
@@ -57,15 +57,13 @@ def reflect(normals, toward, size, out_where, out_traits, out_reflected):
     # normals, toward (the eye) (N, 3) f64 unit; size: cells of a table's edge
     for block in prange((len(normals) + BLOCK - 1) // BLOCK):
         for i in range(block * BLOCK, min(block * BLOCK + BLOCK, len(normals))):
-            nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-            vx, vy, vz = toward[i, 0], toward[i, 1], toward[i, 2]
-            cosine = min(max(nx * vx + ny * vy + nz * vz, 0.0), 1.0)
-            off = 1.0 - cosine
-            rx, ry, rz = 2.0 * cosine * nx - vx, 2.0 * cosine * ny - vy, 2.0 * cosine * nz - vz
+            rx, ry, rz, s = mirror(
+                normals[i, 0], normals[i, 1], normals[i, 2], toward[i, 0], toward[i, 1], toward[i, 2]
+            )
             out_reflected[i, 0], out_reflected[i, 1], out_reflected[i, 2] = rx, ry, rz
             if math.isnan(rx):
                 out_where[i, 1] = 0
                 continue
             cell, fx, fy = table_cell(rx, ry, rz, size)
             out_where[i, 1] = cell
-            out_traits[i, 2], out_traits[i, 3], out_traits[i, 4] = off**5, fx, fy
+            out_traits[i, 2], out_traits[i, 3], out_traits[i, 4] = s, fx, fy

@@ -26,6 +26,20 @@ DARK = 1e-6
 BLOCK = 256
 
 
+#: of float32, so that `mirror` computes in the precision that it is given
+NONE, ONE, TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
+
+
+@fused_exact
+def mirror(nx, ny, nz, vx, vy, vz):
+    """Direction r that a mirror of unit normal n looks along for an eye in the unit direction v, and s; no branches."""
+    cosine = nx * vx + ny * vy + nz * vz
+    cosine = cosine if cosine > NONE else NONE
+    cosine = cosine if cosine < ONE else ONE
+    twice, off = TWO * cosine, ONE - cosine
+    return twice * nx - vx, twice * ny - vy, twice * nz - vz, off * off * (off * off) * off
+
+
 @fused_exact
 def corner_weights(samples, p, q, out):
     """Fill out (4,) with the bilinear weights of a patch's corners over those that are samples; False if none is."""

@@ -17,7 +17,7 @@ from numba import prange
 
 from ibrpipe.core.jit import exact_kernel, fused_exact
 from ibrpipe.core.reflection.directions import table_cell
-from ibrpipe.core.reflection.model import CHANNELS, CORNERS, TABLES
+from ibrpipe.core.reflection.model import CHANNELS, CORNERS, TABLES, mirror
 from ibrpipe.core.reflection.voxels import follow_rays
 
 #: rows that are drawn together
@@ -27,7 +27,7 @@ ROWS = 16
 DX, DY, DZ, NX, NY, NZ, FX, FY, S, SHARE = range(10)
 #: and int32: column, cell of the table
 AT, CELL = range(2)
-NONE, ONE, HALF, TWO = np.float32(0.0), np.float32(1.0), np.float32(0.5), np.float32(2.0)
+ONE = np.float32(1.0)
 
 
 @fused_exact
@@ -74,11 +74,17 @@ def mean_share(shares, colors, table, records, patch, weights):
 
 
 @fused_exact
+def ray_axis(world_from_pixel, axis, px, py):
+    """One coordinate of the ray through a pixel, one unit of depth long."""
+    return px * world_from_pixel[axis, 0] + py * world_from_pixel[axis, 1] + world_from_pixel[axis, 2]
+
+
+@fused_exact
 def gather_row(y, picture, view, surface, poses, weights, out, out_marks, out_rays):
     """List the pixels of a row that mirror; return how many."""
     depth, ids, known = picture
     records, normals, colors, shares, active = surface
-    turn, eye, rows, columns = view
+    world_from_pixel, eye, rows, columns = view
     count = 0
     for x in range(depth.shape[1]):
         far, patch = float(depth[y, x]), np.int64(ids[y, x])
@@ -87,9 +93,9 @@ def gather_row(y, picture, view, surface, poses, weights, out, out_marks, out_ra
         if not active[records[patch, 2]]:
             continue
         px, py = rows[y, 0] + columns[x, 0], rows[y, 1] + columns[x, 1]
-        wx = far * (px * turn[0, 0] + py * turn[0, 1] + turn[0, 2])
-        wy = far * (px * turn[1, 0] + py * turn[1, 1] + turn[1, 2])
-        wz = far * (px * turn[2, 0] + py * turn[2, 1] + turn[2, 2])
+        wx = far * ray_axis(world_from_pixel, 0, px, py)
+        wy = far * ray_axis(world_from_pixel, 1, px, py)
+        wz = far * ray_axis(world_from_pixel, 2, px, py)
         ax, ay, az = eye[0] + wx, eye[1] + wy, eye[2] + wz
         if not weigh_corners(ax, ay, az, patch, records, poses, weights):
             continue
@@ -109,28 +115,13 @@ def gather_row(y, picture, view, surface, poses, weights, out, out_marks, out_ra
 @fused_exact
 def mirror_row(count, size, out, out_marks):
     """Turn views and normals into mirrored directions (in their stead), positions in the table, and s."""
-    n = np.float32(size)
     for k in range(count):
         wx, wy, wz, nx, ny, nz = out[DX, k], out[DY, k], out[DZ, k], out[NX, k], out[NY, k], out[NZ, k]
         back, unit = -ONE / math.sqrt(wx * wx + wy * wy + wz * wz), ONE / math.sqrt(nx * nx + ny * ny + nz * nz)
-        vx, vy, vz, nx, ny, nz = wx * back, wy * back, wz * back, nx * unit, ny * unit, nz * unit
-        cosine = nx * vx + ny * vy + nz * vz
-        cosine = cosine if cosine > NONE else NONE
-        cosine = cosine if cosine < ONE else ONE
-        rx, ry, rz = TWO * cosine * nx - vx, TWO * cosine * ny - vy, TWO * cosine * nz - vz
+        nx, ny, nz = nx * unit, ny * unit, nz * unit
+        rx, ry, rz, out[S, k] = mirror(nx, ny, nz, wx * back, wy * back, wz * back)
         out[DX, k], out[DY, k], out[DZ, k], out[NX, k], out[NY, k], out[NZ, k] = rx, ry, rz, nx, ny, nz
-        off = ONE - cosine
-        out[S, k] = off * off * (off * off) * off
-        scale = ONE / (abs(rx) + abs(ry) + abs(rz))
-        u, v = rx * scale, ry * scale
-        du, dv = ONE - abs(v), ONE - abs(u)
-        du, dv = (du if u >= NONE else -du), (dv if v >= NONE else -dv)
-        u, v = (u if rz >= NONE else du), (v if rz >= NONE else dv)
-        u, v = (u + ONE) * HALF * n + HALF, (v + ONE) * HALF * n + HALF
-        i, j = np.int32(u), np.int32(v)
-        i, j = (i if i < size else size), (j if j < size else size)
-        out[FX, k], out[FY, k] = u - np.float32(i), v - np.float32(j)
-        out_marks[CELL, k] = j * (size + 2) + i
+        out_marks[CELL, k], out[FX, k], out[FY, k] = table_cell(rx, ry, rz, size)
 
 
 @fused_exact
@@ -177,12 +168,8 @@ def light_row(y, color, count, lift, surface, lights, poses, weights, row, marks
             gloss = total > 0.0 and length > 0.0
             if gloss:
                 nx, ny, nz, back = nx / length, ny / length, nz / length, 1.0 / math.sqrt(vx * vx + vy * vy + vz * vz)
-                vx, vy, vz = vx * back, vy * back, vz * back
-                cosine = min(max(nx * vx + ny * vy + nz * vz, 0.0), 1.0)
-                off = 1.0 - cosine
-                s = off * off * (off * off) * off
-                twice = 2.0 * cosine
-                cell, fx, fy = table_cell(twice * nx - vx, twice * ny - vy, twice * nz - vz, width - 2)
+                rx, ry, rz, s = mirror(nx, ny, nz, vx * back, vy * back, vz * back)
+                cell, fx, fy = table_cell(rx, ry, rz, width - 2)
         scale = 1.0 / total if total > 0.0 else 0.0
         share, own = 0.0, float(row[S, k])
         for table in range(tables.shape[0]):
