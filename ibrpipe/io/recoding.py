@@ -47,9 +47,9 @@ def recode(
         What ``asset.json`` says: as before, with the new files. It is written by `finish`.
     """
 
-    def texture(place: int) -> TextureEntry:
-        entry, own = index.textures[place], asset.textures[place]
-        folder = out / f"texture_{place:02d}"
+    def texture(number: int) -> TextureEntry:
+        entry, own = index.textures[number], asset.textures[number]
+        folder = out / f"texture_{number:02d}"
         folder.mkdir(parents=True, exist_ok=True)
         file = write_coded(own.layers, folder, coding, speed)
         components = [

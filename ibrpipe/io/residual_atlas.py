@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ibrpipe.io.layer_pictures.atlas import fits, place
+from ibrpipe.io.layer_pictures.atlas import fits, pack
 from ibrpipe.io.layer_pictures.avif import decode_avif, encode_avif
 from ibrpipe.types import Array
 
@@ -22,7 +22,7 @@ def pack_images(texels: Array, valid: Array, sizes: Array, zero: int, quality: i
     """Return images of sizes (n, 2), texels (T, 3) uint8 and valid (T,), as one picture; None = too large."""
     from ibrpipe.io.residuals import continue_smoothly
 
-    shape = place(_shapes(sizes))[1]
+    shape = pack(_shapes(sizes))[1]
     if not fits(shape):
         return None
     picture = np.full((*shape, 3), zero, np.uint8)
@@ -42,7 +42,7 @@ def unpack_images(data: bytes, sizes: Array) -> Array:
     FormatError
         The picture is damaged or belongs to other images.
     """
-    picture = decode_avif(data, (*place(_shapes(sizes))[1], 3))
+    picture = decode_avif(data, (*pack(_shapes(sizes))[1], 3))
     texels = np.empty((int(sizes.astype(np.int64).prod(axis=1).sum()), 3), np.uint8)
     for own, window in _windows(sizes):
         texels[own] = picture[window].reshape(-1, 3)
@@ -56,6 +56,6 @@ def _shapes(sizes: Array) -> list[tuple[int, ...]]:
 def _windows(sizes: Array) -> Iterator[tuple[slice, tuple[slice, slice]]]:
     """Yield the texels of every image and where they lie in the picture."""
     shapes, end = _shapes(sizes), 0
-    for (y, x), (height, width) in zip(place(shapes)[0], shapes, strict=True):
+    for (y, x), (height, width) in zip(pack(shapes)[0], shapes, strict=True):
         yield slice(end, end + height * width), (slice(y, y + height), slice(x, x + width))
         end += height * width

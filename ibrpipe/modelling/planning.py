@@ -134,7 +134,9 @@ class PlanConfig(StageConfig):
         return components
 
 
-def place(config: PlanConfig, caster: MeshCaster, texel: float, seed: int = 0) -> tuple[list[Rectangle], list[Told]]:
+def choose_rectangles(
+    config: PlanConfig, caster: MeshCaster, texel: float, seed: int = 0
+) -> tuple[list[Rectangle], list[Told]]:
     """Place the textures: by the user's hand, on the faces of the bounding box, or as perspective images round it."""
     if config.rectangles or config.frusta:
         by_hand = [sized(rectangle, texel) for rectangle in config.rectangles]
@@ -308,7 +310,7 @@ def make_plan(
     if not (surface.observers > 0).any():
         raise CaptureError("no photo sees the mesh; check that cameras and mesh share one coordinate system")
     texel, texel_reason = choose_texel(config, surface, photos)
-    rectangles, reasons = place(config, caster, texel, seed)
+    rectangles, reasons = choose_rectangles(config, caster, texel, seed)
     reasons.append(texel_reason)
     rectangles, dropped = drop_unseen(rectangles, surface)
     if not rectangles:

@@ -144,8 +144,8 @@ def _look_closely(texels: Array, rectangle: Rectangle, caster: MeshCaster) -> Fr
     group_hits(starts, place, met.points, normals, GAP * rectangle.texel, leader)
     leads, group = np.unique(leader, return_inverse=True)
     found = replace(met[leads], normals=_mean_normals(normals, group, len(leads)))
-    middle, way = rectangle.rays_at(column[texel[leads]] + 0.5, row[texel[leads]] + 0.5)
-    depth = _depth_in_middle(found, middle, way, rectangle)
+    origins, directions = rectangle.rays_at(column[texel[leads]] + 0.5, row[texel[leads]] + 0.5)
+    depth = _depth_in_middle(found, origins, directions, rectangle)
     coverage = np.bincount(group, SHARES[place], len(leads)).astype(np.float32)
     return Fronts(texels[texel[leads]], depth, found.points, found.normals, found.face, coverage)
 

@@ -177,7 +177,7 @@ def cast_heights(field, pyramid, view, box, eye, lines, base, parts, depth, ids)
         columns, rows = box[0], box[1]
         columns_32, rows_32 = np.float32(columns), np.float32(rows)
         range_, most = box[3] - box[2], max(abs(box[2]), abs(box[3]))
-        doubt, steepest = np.float32(EPSILON * (8.0 * most + 512.0 * range_)), STEEP * range_
+        tolerance, steepest = np.float32(EPSILON * (8.0 * most + 512.0 * range_)), STEEP * range_
         level = min(BLOCK_LEVEL, len(meta) - 1)
         first, block_stride, size = meta[level, 0], meta[level, 1], np.float32(2**level)
         low, step = np.float32(grid[0]), np.float32(grid[1])
@@ -201,10 +201,11 @@ def cast_heights(field, pyramid, view, box, eye, lines, base, parts, depth, ids)
                 count = ec.whole_vectors(going)
                 for _ in range(blocks):
                     ec.cross_blocks(
-                        count, nodes, first, block_stride, size, low, step, columns_32, rows_32, doubt, batch, indices
+                        count, nodes, first, block_stride, size, low, step, columns_32, rows_32, tolerance, batch,
+                        indices,
                     )  # fmt: skip
                 left = ec.advance(
-                    count, flat, stride, columns_32, rows_32, doubt, batch, indices
+                    count, flat, stride, columns_32, rows_32, tolerance, batch, indices
                 )  # fmt: skip
                 passed, blocks = passed + ec.STRIDE, LATE_BLOCKS
                 if passed == ec.STRIDE:

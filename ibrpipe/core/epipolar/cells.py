@@ -2,9 +2,9 @@
 
 Cells are bilinear patches of the heights at their corners. Along a ray the height above a patch is a quadratic, of
 which the walk needs its two ends and its bend. A ray stops at the first cell in which it comes as near to the surface
-as `doubt`, which is more than the rounding of float32 can amount to over PATIENCE cells and the blocks between them;
-whether it is hit there is decided in float64 (:mod:`ibrpipe.core.epipolar.cast`). So no hit is passed over, and loops
-have no branches.
+as `tolerance`, which is more than the rounding of float32 can amount to over PATIENCE cells and the blocks between
+them; whether it is hit there is decided in float64 (:mod:`ibrpipe.core.epipolar.cast`). So no hit is passed over, and
+loops have no branches.
 
 Symbols: s distance along the ray since its start, in cells; (u, v, d) = (U0, V0, D0) + s (DU, DV, DD), u and v from the
 start's cell (I0, J0) on; f0, f1 d - height at the ends of the ray's stretch in a cell; bend coefficient of the square
@@ -48,7 +48,7 @@ def gather_heights(count, flat, stride, work, indices):
 
 
 @fused
-def cross_cells(count, columns, rows, doubt, work):
+def cross_cells(count, columns, rows, tolerance, work):
     # see whether rays may be hit in their cells; those that cannot enter the next ones
     zero, one, two, four = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(4.0)
     for n in range(count):
@@ -70,8 +70,8 @@ def cross_cells(count, columns, rows, doubt, work):
         slope = f1 - f0 - bend
         least, greatest = f0 if f0 < f1 else f1, f1 if f0 < f1 else f0
         dips = (bend * f0 > zero) & (slope * f0 < zero) & (abs(slope) < two * abs(bend))
-        dips &= slope * slope + four * doubt * abs(bend) >= four * bend * f0
-        stops = ((least <= doubt) & (greatest >= -doubt)) | dips
+        dips &= slope * slope + four * tolerance * abs(bend) >= four * bend * f0
+        stops = ((least <= tolerance) & (greatest >= -tolerance)) | dips
         next_i, next_j = i + (one if au > zero else -one), j + (one if av > zero else -one)
         next_i, next_j = next_i if su < sv else i, j if su < sv else next_j
         ends = (s1 >= end) | (next_i < zero) | (next_j < zero) | (next_i >= columns) | (next_j >= rows)
@@ -85,7 +85,7 @@ def cross_cells(count, columns, rows, doubt, work):
 
 
 @fused
-def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, doubt, work, indices):
+def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, tolerance, work, indices):
     # rays that pass above or below the block that they are in go on to where they leave it
     # nodes: see quadtree, from `first` on, `stride` to a row; size (cells) of blocks; low, step: depths of their bounds
     zero, one = np.float32(0.0), np.float32(1.0)
@@ -108,7 +108,7 @@ def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, do
         s1 = s1 if s1 < end else end
         da, db = d0 + s0 * dd, d0 + s1 * dd
         near, far = da if da < db else db, db if da < db else da
-        passes = (near > greatest + doubt) | (far < least - doubt) | (least > greatest)
+        passes = (near > greatest + tolerance) | (far < least - tolerance) | (least > greatest)
         passes &= work[STATE + n] == zero
         in_i, in_j = np.floor(u0 + s1 * du) + i0, np.floor(v0 + s1 * dv) + j0
         right, lower = left + size - one, upper + size - one
@@ -126,11 +126,11 @@ def cross_blocks(count, nodes, first, stride, size, low, step, columns, rows, do
 
 
 @fused
-def advance(count, flat, stride, columns, rows, doubt, work, indices):
+def advance(count, flat, stride, columns, rows, tolerance, work, indices):
     # take rays through some cells -> how many go on
     for _ in range(STRIDE):
         gather_heights(count, flat, stride, work, indices)
-        cross_cells(count, columns, rows, doubt, work)
+        cross_cells(count, columns, rows, tolerance, work)
     return count_rays(count, np.float32(GOES_ON), work)
 
 

@@ -15,8 +15,8 @@ from ibrpipe.types import Array
 MOST_TEXELS = 2**28
 
 
-def place(sizes: Sequence[tuple[int, ...]]) -> tuple[list[tuple[int, int]], tuple[int, int]]:
-    """Lay boxes (height, width) in rows of about a square, each row as high as its highest box.
+def pack(sizes: Sequence[tuple[int, ...]]) -> tuple[list[tuple[int, int]], tuple[int, int]]:
+    """Pack boxes (height, width) in rows of about a square, each row as high as its highest box.
 
     Returns
     -------
@@ -55,7 +55,7 @@ class Atlas:
     def __init__(self, planes: Sequence[Plane], numbers: int = 1) -> None:
         self._planes, self._numbers = planes, numbers
         sizes = [plane.there.shape for _ in range(numbers) for plane in planes]
-        self._corners, self.shape = place(sizes)
+        self._corners, self.shape = pack(sizes)
         self.fits = fits(self.shape)
 
     def spread(self, codes: Array) -> Array:
@@ -87,8 +87,8 @@ class Atlas:
 
     def _windows(self) -> Iterator[tuple[int, Plane, tuple[slice, slice]]]:
         """Yield which number, which layer, and where they lie."""
-        for place, (y, x) in enumerate(self._corners):
-            number, layer = divmod(place, len(self._planes))
+        for box, (y, x) in enumerate(self._corners):
+            number, layer = divmod(box, len(self._planes))
             plane = self._planes[layer]
             height, width = plane.there.shape
             yield number, plane, (slice(y, y + height), slice(x, x + width))

@@ -228,15 +228,15 @@ def _lay_texture(file: GltfFile, primitive: Json) -> None:
     material = file.json["materials"][primitive["material"]]
     parts = [material, material.get("pbrMetallicRoughness", {})]
     used = [(name, part[name]) for part in parts for name in _TEXTURES if name in part]
-    ways = {name: _way(info) for name, info in used}
-    if not ways or all(way == (0, (0.0, 0.0), 0.0, (1.0, 1.0)) for way in ways.values()):
+    transforms = {name: _uv_transform(info) for name, info in used}
+    if not transforms or all(each == (0, (0.0, 0.0), 0.0, (1.0, 1.0)) for each in transforms.values()):
         return
-    if len(set(ways.values())) > 1:
+    if len(set(transforms.values())) > 1:
         raise FormatError(
-            f"{file.path}: {' and '.join(ways)} of the material {material.get('name', primitive['material'])} use "
-            "different texture coordinates; expected the same for both: bake them into one set"
+            f"{file.path}: {' and '.join(transforms)} of the material {material.get('name', primitive['material'])} "
+            "use different texture coordinates; expected the same for both: bake them into one set"
         )
-    number, offset, rotation, scale = next(iter(ways.values()))
+    number, offset, rotation, scale = next(iter(transforms.values()))
     name = f"TEXCOORD_{number}"
     if name not in primitive["attributes"]:
         raise FormatError(f"{file.path}: a material uses {name}, which the mesh does not have; export it again")
@@ -247,7 +247,7 @@ def _lay_texture(file: GltfFile, primitive: Json) -> None:
     primitive["attributes"]["TEXCOORD_0"] = len(file.json["accessors"]) - 1
 
 
-def _way(info: Json) -> tuple[int, tuple[float, ...], float, tuple[float, ...]]:
+def _uv_transform(info: Json) -> tuple[int, tuple[float, ...], float, tuple[float, ...]]:
     """Which coordinates a texture is laid by, and offset, rotation and scale of them."""
     change = info.get("extensions", {}).get(_TRANSFORM, {})
     number = change.get("texCoord", info.get("texCoord", 0))

@@ -184,11 +184,11 @@ def _maps(material: Any) -> dict[str, Map]:
 
 def laid_uv(path: Path, uv: Array, material: Any) -> Array:
     """Apply scale and offset that an OBJ material gives its maps to texture coordinates (V, 2), v upward."""
-    ways = {(each.scale, each.offset) for each in _maps(material).values()}
-    if len(ways) > 1:
+    transforms = {(each.scale, each.offset) for each in _maps(material).values()}
+    if len(transforms) > 1:
         name = getattr(material, "name", "")
         raise FormatError(f"{path}: maps of the material {name} have different scales or offsets; bake them into one")
-    for scale, offset in ways:
+    for scale, offset in transforms:
         uv = uv * scale + offset
     return uv
 

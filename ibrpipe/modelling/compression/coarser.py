@@ -54,14 +54,14 @@ def joined(layers: LayeredDepthImage, factor: int) -> tuple[LayeredDepthImage, A
     height, width = layers.shape
     shape = -(-height // factor), -(-width // factor)
     texel = np.repeat(np.arange(height * width), np.diff(layers.offsets, axis=1).ravel())
-    place = (texel // width // factor) * shape[1] + texel % width // factor
-    group = _surfaces(layers, place, factor)
+    coarse_texel = (texel // width // factor) * shape[1] + texel % width // factor
+    group = _surfaces(layers, coarse_texel, factor)
     sizes = np.bincount(group)
-    kept = sizes >= 0.5 * _texels(shape, (height, width), factor)[place[np.unique(group, return_index=True)[1]]]
+    kept = sizes >= 0.5 * _texels(shape, (height, width), factor)[coarse_texel[np.unique(group, return_index=True)[1]]]
     number = np.where(kept, np.cumsum(kept) - 1, -1)[group]
     count = int(kept.sum())
     owner = np.zeros(count, np.int64)
-    owner[number[number >= 0]] = place[number >= 0]
+    owner[number[number >= 0]] = coarse_texel[number >= 0]
     normal = _means(np.nan_to_num(layers.normal), number, count)
     size = np.linalg.norm(normal, axis=1, keepdims=True)
     found = LayeredDepthImage(
@@ -76,16 +76,16 @@ def joined(layers: LayeredDepthImage, factor: int) -> tuple[LayeredDepthImage, A
     return found, number, count
 
 
-def _surfaces(layers: LayeredDepthImage, place: Array, factor: int) -> Array:
+def _surfaces(layers: LayeredDepthImage, coarse_texel: Array, factor: int) -> Array:
     """Number the surfaces (S,) int64: samples of one coarse texel whose depths follow each other closely."""
-    order = np.lexsort((layers.depth, place))
+    order = np.lexsort((layers.depth, coarse_texel))
     depth = layers.depth[order].astype(np.float64)
     if isinstance(layers.frame, Camera):
         limit = STEEPEST * factor * depth / float(min(layers.frame.K[0, 0], layers.frame.K[1, 1]))
     else:
         limit = np.full(len(depth), STEEPEST * factor * _widest(layers.frame))
     fresh = np.ones(len(order), bool)
-    fresh[1:] = (np.diff(place[order]) != 0) | (np.diff(depth) > limit[1:])
+    fresh[1:] = (np.diff(coarse_texel[order]) != 0) | (np.diff(depth) > limit[1:])
     group = np.empty(len(order), np.int64)
     group[order] = np.cumsum(fresh) - 1
     return group

@@ -164,8 +164,8 @@ def observe_texels(
     patch[first[first >= 0]] = np.flatnonzero(first >= 0)
     parts = []
     for p in track(range(len(photos.cameras)), "texels"):
-        turn = (np.arange(len(points)) + p) % every == 0 if every else False
-        chosen = np.flatnonzero((wanted | turn) & (patch >= 0))
+        sampled = (np.arange(len(points)) + p) % every == 0 if every else False
+        chosen = np.flatnonzero((wanted | sampled) & (patch >= 0))
         toward = photos.centers[p] - points[chosen]
         cosine = (surface.normals[chosen] * toward).sum(axis=1) / np.linalg.norm(toward, axis=1)
         able = np.flatnonzero(cosine >= STEEPEST)
