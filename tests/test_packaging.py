@@ -27,5 +27,6 @@ def test_modules_and_folders_stay_readable() -> None:
     modules = sorted((ROOT / "ibrpipe").rglob("*.py"))
     lines = {str(path.relative_to(ROOT)): len(path.read_text(encoding="utf-8").splitlines()) for path in modules}
     assert {name: count for name, count in lines.items() if count > 400} == {}
-    beside = Counter(str(path.parent.relative_to(ROOT)) for path in modules if path.name != "__init__.py")
+    tests = Path(__file__).parent.rglob("*.py")
+    beside = Counter(str(path.parent.relative_to(ROOT)) for path in (*modules, *tests))
     assert {folder: count for folder, count in beside.items() if count > 20} == {}

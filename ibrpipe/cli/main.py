@@ -25,8 +25,8 @@ TOOLS: Section = {
         "ibrpipe.cli.bench.group:command",
         "Hold all renderers against the exact answer.",
     ),
-    "compare-depth": ("ibrpipe.cli.compare_depth:command", "Measure depth maps against a stereo set's truth."),
-    "compare-mesh": ("ibrpipe.cli.compare_mesh:command", "Measure a surface against the true one."),
+    "compare-depth": ("ibrpipe.cli.compare:compare_depth", "Measure depth maps against a stereo set's truth."),
+    "compare-mesh": ("ibrpipe.cli.compare:compare_mesh", "Measure a surface against the true one."),
     "depth-images": (
         "ibrpipe.cli.depth_images:command",
         "Cover a mesh with few perspective depth images, as an asset.",

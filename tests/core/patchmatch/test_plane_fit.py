@@ -2,7 +2,7 @@
 
 import numba
 import numpy as np
-import plane_fit_twin as twin
+import patchmatch_twin as twin
 import pytest
 
 from ibrpipe.core.patchmatch.plane_fit import fit_planes

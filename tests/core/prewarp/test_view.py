@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import prewarp_view_twin as twin
+import prewarp_twin as twin
 import pytest
 from kernel_runs import on_all_thread_counts
 
