@@ -206,8 +206,8 @@ def _choose(
     steps = [step_of_choice(choice, fixed) for choice in ladder]
     told = {name: _told(name, curve, before, fixed) for name, curve in curves.items()}
 
-    def attempt(place: int) -> tuple[int, float]:
-        trial = coder.tried(steps[place])
+    def attempt(index: int) -> tuple[int, float]:
+        trial = coder.tried(steps[index])
         return trial.bytes, square(trial.psnr) - square(before)
 
     if config.target_mb is not None:
@@ -235,14 +235,14 @@ def _wanted(config: CompressConfig, before: float) -> float:
 
 def _told(name: str, curve: Curve, before: float, fixed: Mapping[str, Level]) -> list[PartLevel]:
     """Return what was measured of one part."""
-    ladder, places = ((fixed[name],), (0,)) if name in fixed else (LADDERS[name], ANCHORS[name])
+    ladder, levels = ((fixed[name],), (0,)) if name in fixed else (LADDERS[name], ANCHORS[name])
     return [
         PartLevel(
-            level=dict(ladder[place]),
-            bytes=int(curve.sizes[place]),
-            psnr_change=round(-10 * float(np.log10(max(square(before) + curve.errors[place], 1e-10))) - before, 3),
+            level=dict(ladder[level]),
+            bytes=int(curve.sizes[level]),
+            psnr_change=round(-10 * float(np.log10(max(square(before) + curve.errors[level], 1e-10))) - before, 3),
         )
-        for place in places
+        for level in levels
     ]
 
 
@@ -266,8 +266,8 @@ def _rounded(value: float | None) -> float | None:
 
 def _spread(views: tuple[View, ...], count: int) -> list[View]:
     """Return at most `count` views, evenly spread."""
-    places = np.unique(np.linspace(0, len(views) - 1, min(count, len(views))).round().astype(int))
-    return [views[place] for place in places] if views else []
+    numbers = np.unique(np.linspace(0, len(views) - 1, min(count, len(views))).round().astype(int))
+    return [views[number] for number in numbers] if views else []
 
 
 STAGE = Stage(

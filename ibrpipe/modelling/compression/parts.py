@@ -60,8 +60,8 @@ class Parts:
     def curve(self, name: str, ladder: Sequence[Level], anchors: Sequence[int]) -> Curve:
         """Return the curve of one part over its ladder; `anchors` are measured. No level errs less than a finer one."""
         sizes, errors = [], []
-        for place in anchors:
-            asset, size = self.coded(step_of([ladder[place]]))
+        for level in anchors:
+            asset, size = self.coded(step_of([ladder[level]]))
             sizes.append(max(float(size), 1.0))
             errors.append(max(square(self._measure(asset)) - self._error, LEAST_ERROR))
         factors = FACTORS.get(name, (1.0, 1.0))
@@ -85,12 +85,12 @@ class Parts:
     def coded(self, step: CodingStep) -> tuple[Asset, int]:
         """Return the asset as it comes back where only what the step names is coded, and the bytes of that."""
         with ThreadPoolExecutor(cores()) as pool, TemporaryDirectory(prefix="ibrpipe-") as folder:
-            places = range(len(self._asset.textures))
-            done = list(pool.map(lambda place: self._texture(place, step, Path(folder) / str(place)), places))
+            numbers = range(len(self._asset.textures))
+            done = list(pool.map(lambda number: self._texture(number, step, Path(folder) / str(number)), numbers))
         return Asset(tuple(texture for texture, _ in done), self._asset.info), sum(size for _, size in done)
 
-    def _texture(self, place: int, step: CodingStep, folder: Path) -> tuple[Texture, int]:
-        texture, entry = self._asset.textures[place], self._index.textures[place]
+    def _texture(self, number: int, step: CodingStep, folder: Path) -> tuple[Texture, int]:
+        texture, entry = self._asset.textures[number], self._index.textures[number]
         layers, size = coded_partly(texture.layers, step.layers)
         components: list[ViewDependence] = []
         for told, part in zip(entry.components, texture.components, strict=True):

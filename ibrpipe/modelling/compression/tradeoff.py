@@ -44,14 +44,14 @@ def choices(curves: Mapping[str, Curve]) -> list[Choice]:
     """Return all choices that some price of a byte asks for, from fine to coarse."""
     found: dict[tuple[int, ...], Choice] = {}
     for price in sorted({0.0, *(price for curve in curves.values() for price in _prices(curve))}):
-        places = tuple(_best(curve, price) for curve in curves.values())
-        pairs = list(zip(curves.values(), places, strict=True))
+        levels = tuple(_best(curve, price) for curve in curves.values())
+        pairs = list(zip(curves.values(), levels, strict=True))
         found.setdefault(
-            places,
+            levels,
             Choice(
-                dict(zip(curves, places, strict=True)),
-                float(sum(curve.sizes[place] for curve, place in pairs)),
-                float(sum(curve.errors[place] for curve, place in pairs)),
+                dict(zip(curves, levels, strict=True)),
+                float(sum(curve.sizes[level] for curve, level in pairs)),
+                float(sum(curve.errors[level] for curve, level in pairs)),
             ),
         )
     return list(found.values())
@@ -59,7 +59,7 @@ def choices(curves: Mapping[str, Curve]) -> list[Choice]:
 
 def step_of_choice(choice: Choice, fixed: Mapping[str, Level]) -> CodingStep:
     """Return the step that a choice stands for; parts in `fixed` have the level stated there."""
-    return step_of([fixed.get(name, LADDERS[name][place]) for name, place in choice.levels.items()])
+    return step_of([fixed.get(name, LADDERS[name][level]) for name, level in choice.levels.items()])
 
 
 def _best(curve: Curve, price: float) -> int:
@@ -72,11 +72,11 @@ def _prices(curve: Curve) -> list[float]:
     """Return the prices at which a part changes its level: the slopes of the lower hull of its curve."""
     order = np.lexsort((curve.errors, curve.sizes))
     hull: list[int] = []
-    for place in order:
-        while len(hull) > 1 and _slope(curve, hull[-2], hull[-1]) <= _slope(curve, hull[-1], int(place)):
+    for level in order:
+        while len(hull) > 1 and _slope(curve, hull[-2], hull[-1]) <= _slope(curve, hull[-1], int(level)):
             hull.pop()
-        if not hull or curve.errors[place] < curve.errors[hull[-1]]:
-            hull.append(int(place))
+        if not hull or curve.errors[level] < curve.errors[hull[-1]]:
+            hull.append(int(level))
     return [_slope(curve, one, other) * (1 + 1e-9) for one, other in pairwise(hull)]
 
 
@@ -86,12 +86,12 @@ def _slope(curve: Curve, small: int, large: int) -> float:
     return float(curve.errors[small] - curve.errors[large]) / more
 
 
-def filled(count: int, places: Sequence[int], values: Sequence[float], factor: float = 1.0) -> Array:
-    """Interpolate what was measured at some places of a ladder of so many levels.
+def filled(count: int, levels: Sequence[int], values: Sequence[float], factor: float = 1.0) -> Array:
+    """Interpolate what was measured at some levels of a ladder of so many.
 
     Parameters
     ----------
-    places, values : measured levels, ascending, and what was measured, above 0
+    levels, values : those that were measured, ascending, and what was measured, above 0
     factor : from level to level, where only one was measured
 
     Returns
@@ -99,7 +99,7 @@ def filled(count: int, places: Sequence[int], values: Sequence[float], factor: f
     (count,) float64
         They change by a factor from level to level, beyond the measured ones, too.
     """
-    x, known = np.arange(count, dtype=np.float64), np.asarray(places, np.float64)
+    x, known = np.arange(count, dtype=np.float64), np.asarray(levels, np.float64)
     logs = np.log(np.asarray(values, np.float64))
     if len(known) == 1:
         return np.exp(logs + np.log(factor) * (x - known))
