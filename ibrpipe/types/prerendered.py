@@ -46,7 +46,7 @@ class Prerendered:
     scale : float
         Albedo of code 255.
     overlaps : (P,) float64
-        Share of a slab that the slab in front of it holds, too.
+        Texels by which a slab goes on into the one behind it.
     info : mapping
         What is known of its making: seconds, bytes, errors.
     """

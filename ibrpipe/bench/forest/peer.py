@@ -12,10 +12,32 @@ import numpy as np
 
 from ibrpipe.bench.forest.embree_instances import EmbreeScene
 from ibrpipe.bench.forest.packets import ROWS, packet_caster
+from ibrpipe.core.hierarchy import traverse
 from ibrpipe.renderers.hierarchical.nodes import OWN, Nodes
 from ibrpipe.types import Array, Camera, Lighting
 
 _COHERENT = 1 << 16
+
+
+#: triangles up to which a part is one mesh, not copies of others
+FLATTENED = 100_000
+
+
+def copies_of_trees(nodes: Nodes) -> tuple[Array, Array]:
+    """Nodes (N,) int32 and matrices (N, 12) of what a scene holds: what is larger than a tree is taken apart."""
+    here, poses = np.array([nodes.root], np.int32), np.eye(4)[None, :3].reshape(1, 12)
+    kept: list[tuple[Array, Array]] = []
+    while len(here):
+        large = (nodes.triangles[here] > FLATTENED) | (here == nodes.root)
+        large &= nodes.copies[here + 1] > nodes.copies[here]
+        kept.append((here[~large], poses[~large]))
+        counts = (nodes.copies[here + 1] - nodes.copies[here])[large]
+        parents = np.repeat(np.flatnonzero(large), counts)
+        copies = np.arange(len(parents)) + np.repeat(nodes.copies[here[large]] - np.cumsum(counts) + counts, counts)
+        inner, moved = np.empty(len(parents), np.int32), np.empty((len(parents), 12))
+        traverse.expand(parents, copies, poses, nodes.children, nodes.matrices, inner, moved)
+        here, poses = inner, moved
+    return np.concatenate([each for each, _ in kept]), np.concatenate([each for _, each in kept])
 
 
 @cache
@@ -24,7 +46,7 @@ def _caster() -> Any:
 
 
 class Peer:
-    """A scene as Embree takes it: the root's children flattened and instanced, the root's own meshes as they are.
+    """A scene as Embree takes it: trees flattened and instanced, the root's own meshes as they are.
 
     Raises
     ------
@@ -35,8 +57,7 @@ class Peer:
     def __init__(self, nodes: Nodes, lighting: Lighting) -> None:
         threads = os.cpu_count() or 1
         self._scene, self._lighting = EmbreeScene(threads), lighting
-        first, last = int(nodes.copies[nodes.root]), int(nodes.copies[nodes.root + 1])
-        children = nodes.children[first:last]
+        children, placed = copies_of_trees(nodes)
         parts, starts, paints, at = {}, {}, [], 0
         for child in np.unique(children):
             corners, painted = nodes.flattened(int(child))
@@ -50,12 +71,12 @@ class Peer:
             parts[int(child)].add_mesh(corners)
             parts[int(child)].commit()
         before = sum(1 for child in np.unique(children) if nodes.names[child].endswith(OWN))
-        copies = [n for n in range(first, last) if int(nodes.children[n]) in parts]
-        matrices = nodes.matrices[copies].reshape(-1, 3, 4)
+        copies = [n for n, child in enumerate(children) if int(child) in parts]
+        matrices = placed[copies].reshape(-1, 3, 4)
         for n, matrix in zip(copies, matrices):
-            self._scene.add_instance(parts[int(nodes.children[n])], matrix)
+            self._scene.add_instance(parts[int(children[n])], matrix)
         self._scene.commit()
-        firsts = np.array([starts[int(nodes.children[n])] for n in copies], np.int64)
+        firsts = np.array([starts[int(children[n])] for n in copies], np.int64)
         turns = np.linalg.inv(matrices[:, :, :3]).transpose(0, 2, 1).astype(np.float32)
         pad = np.zeros(before, np.int64)
         own = next((starts[int(child)] for child in np.unique(children) if nodes.names[child].endswith(OWN)), 0)

@@ -23,7 +23,7 @@ from ibrpipe.renderers.hierarchical.prefiltering import Slicing
 from ibrpipe.renderers.hierarchical.prerendering import prerender_all
 from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
 from ibrpipe.types import Array, Camera, Scene
-from ibrpipe.types.prerendered import PrerenderedScene
+from ibrpipe.types.prerendered import Prerendered, PrerenderedScene
 
 #: linear light of the sky that pictures are compared over
 SKY = (0.55, 0.70, 0.90)
@@ -50,11 +50,11 @@ def run_forest(
 ) -> ForestModel:
     """Measure forests of several sizes from several cameras; see `ForestModel`."""
     began = perf_counter()
-    first = forest(max(trees[0], 50), seed)
-    library = prerender_all(scene_nodes(first), slicing or Slicing())
-    rows = []
+    rows: list[ForestRow] = []
+    libraries: dict[tuple[str, ...], Prerendered] = {}
     for count in track(trees, "forests"):
         scene, cameras = forest(count, seed), forest_cameras(count, *size)
+        library = _slices(forest(max(count, 50), seed), slicing or Slicing(), libraries)
         peer, note = _peer(scene)
         ours = prepare(PrerenderedScene(scene, library), "hierarchical")
         rows += [_row(count, view, cameras[view], ours, peer, note, repeats) for view in views]
@@ -62,6 +62,14 @@ def run_forest(
         machine=describe_machine(), width=size[0], height=size[1], seed=seed, library_bytes=library.bytes,
         prerender_seconds=float(library.info["seconds"]), rows=rows, seconds=perf_counter() - began,
     )  # fmt: skip
+
+
+def _slices(scene: Scene, slicing: Slicing, made: dict[tuple[str, ...], Prerendered]) -> Prerendered:
+    """The slices of a scene; forests of the same parts share them."""
+    names = tuple(scene.parts)
+    if names not in made:
+        made[names] = prerender_all(scene_nodes(scene), slicing)
+    return made[names]
 
 
 def _peer(scene: Scene) -> tuple[Peer | None, str]:

@@ -21,10 +21,9 @@ _X_STEP, _Y_STEP = 0.6180339887, 0.7548776662
 
 
 @helper
-def cast_face(corners, axes, per_unit, half, overlap, near, face, number):
+def cast_face(corners, axes, per_unit, half, near, face, number):
     # one triangle (3, 3) from the part's centre -> nearest height and face number of every ray in every slab
     # near (K, S, S) f32, height along d; face (K, S, S) i32; per_unit: rays per unit of length; half: S / 2
-    # overlap: share of a slab that the slab in front of it holds, too
     slabs, size = near.shape[0], near.shape[1]
     x = np.empty(3)
     y = np.empty(3)
@@ -51,13 +50,39 @@ def cast_face(corners, axes, per_unit, half, overlap, near, face, number):
             w2 = ((x[1] - x[0]) * (py - y[0]) - (px - x[0]) * (y[1] - y[0])) / area
             if w1 >= 0.0 and w2 >= 0.0 and w1 + w2 <= 1.0:
                 height = z[0] + w1 * (z[1] - z[0]) + w2 * (z[2] - z[0])
-                place = (half - height) * slab
-                last = min(max(int(place), 0), slabs - 1)
-                first = last - 1 if last > 0 and place - last < overlap else last
-                for k in range(first, last + 1):
-                    if height > near[k, j, i]:
-                        near[k, j, i] = height
-                        face[k, j, i] = number
+                k = min(max(int((half - height) * slab), 0), slabs - 1)
+                if height > near[k, j, i]:
+                    near[k, j, i] = height
+                    face[k, j, i] = number
+
+
+@helper
+def dilate_line(marked, reach, out):
+    # out: whether something within `reach` entries of a line is marked
+    last = -reach - 1
+    for i in range(len(marked)):
+        last = i if marked[i] else last
+        out[i] = i - last <= reach
+    last = len(marked) + reach
+    for i in range(len(marked) - 1, -1, -1):
+        last = i if marked[i] else last
+        out[i] |= last - i <= reach
+
+
+@helper
+def extend_slabs(near, face, reach):
+    # every slab takes from the one behind it what is within `reach` rays, along rows and columns, of what it holds
+    slabs, size = near.shape[0], near.shape[1]
+    wide, tall = np.empty((size, size), np.bool_), np.empty((size, size), np.bool_)
+    for k in range(slabs - 1):
+        for j in range(size):
+            dilate_line(face[k, j] >= 0, reach, wide[j])
+        for i in range(size):
+            dilate_line(wide[:, i], reach, tall[:, i])
+        for j in range(size):
+            for i in range(size):
+                if tall[j, i] and face[k, j, i] < 0:
+                    near[k, j, i], face[k, j, i] = near[k + 1, j, i], face[k + 1, j, i]
 
 
 @helper
@@ -101,9 +126,9 @@ def add_sample(corners, colors, normal, axes, per_unit, half, i, j, samples):
 
 
 @kernel
-def prefilter(corners, colors, normals, axes, radius, rays, scale, overlap, out, heights, tops):
+def prefilter(corners, colors, normals, axes, radius, rays, scale, reach, out, heights, tops):
     # corners, colors (F, 3, 3) f32, corners from the centre of the sphere; normals (F, 3) f32 unit; axes (D, 3, 3) f64
-    # rows a, b, d; rays = q; scale: 1 / greatest albedo; overlap: share of a slab that the slab in front holds, too
+    # rows a, b, d; rays = q; scale: 1 / greatest albedo; reach: texels by which a slab goes on into the next one
     # out (D, K, R, R, 12) u8, rows along b; heights (D, K) f32: mean along d of what the slab holds, NaN = nothing;
     # tops (D, K, R, R) f32: the same of every texel, or empty where that is not asked for
     slabs, resolution = out.shape[1], out.shape[2]
@@ -114,7 +139,9 @@ def prefilter(corners, colors, normals, axes, radius, rays, scale, overlap, out,
         near = np.full((slabs, size, size), -np.inf, np.float32)
         face = np.full((slabs, size, size), -1, np.int32)
         for number in range(len(corners)):
-            cast_face(corners[number], axes[direction], per_unit, half, overlap, near, face, number)
+            cast_face(corners[number], axes[direction], per_unit, half, near, face, number)
+        if reach > 0.0:
+            extend_slabs(near, face, int(reach * rays))
         sums = np.empty(11)
         for k in range(slabs):
             total, weight = 0.0, 0

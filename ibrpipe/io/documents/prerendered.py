@@ -15,7 +15,7 @@ class PartSlices(Document):
     name: str = Field(description="Of the part; NAME/own = the own meshes of a part that also has copies of others")
     center: list[float] = Field(min_length=3, max_length=3, description="Centre of its sphere, the part's units")
     radius: float = Field(gt=0, description="Radius of its sphere")
-    overlap: Share = Field(description="Share of a slab that the slab in front of it holds, too")
+    overlap: float = Field(ge=0, le=64, description="Texels by which a slab goes on into the one behind it")
     leak: Share | None = Field(
         default=None, description="Mean of what is seen through what polygons cover wholly, in test directions"
     )

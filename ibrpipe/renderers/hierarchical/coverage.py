@@ -11,7 +11,7 @@ from scipy import ndimage
 from ibrpipe.renderers.hierarchical import drawing
 from ibrpipe.renderers.hierarchical.guide import Guide, build_guide
 from ibrpipe.renderers.hierarchical.nodes import Nodes
-from ibrpipe.renderers.hierarchical.prefiltering import Slicing, prerender_nodes
+from ibrpipe.renderers.hierarchical.prefiltering import Slicing, is_composed, prerender_nodes
 from ibrpipe.renderers.hierarchical.selection import select
 from ibrpipe.renderers.hierarchical.shaded import ShadedSlices
 from ibrpipe.renderers.hierarchical.view import View
@@ -20,8 +20,8 @@ from ibrpipe.types.prerendered import Prerendered, view_axes
 
 #: pixels along a side of a test picture, its focal length, texels across the part, test directions
 _SIZE, _FOCAL, _TEXELS, _TESTS = 48, 480.0, 23, 7
-#: share of a slab that the one in front of it holds, too, where slabs overlap (max1999, sec. 2)
-OVERLAP = 1.0 / 3.0
+#: texels by which a slab goes on into the one behind it where slabs overlap (max1999, sec. 2)
+OVERLAP = 2.0
 #: what slabs may leak that do not overlap, and what share of it they may leak that do, to be chosen
 _LEAK, _SHARE = 0.001, 0.7
 #: share of what is covered that must lie inside: leaves would be counted twice
@@ -30,7 +30,7 @@ _SOLID = 0.2
 
 @dataclass(frozen=True)
 class CoverageChoice:
-    """For each part, how far its slabs overlap, what they leak, and what they would with the other choice.
+    """For each part, how far its slabs overlap, and what slices of few directions leak so, and with the other choice.
 
     A leak is the mean of what is seen through pixels that polygons, too, cover wholly, all around as well.
     """
@@ -44,15 +44,16 @@ def choose_coverage(nodes: Nodes, slicing: Slicing) -> CoverageChoice:
     trial = replace(slicing, directions=min(24, slicing.directions), finest=_TEXELS)
     found = {}
     for overlap in (0.0, OVERLAP):
-        library = prerender_nodes(nodes, trial, dict.fromkeys(nodes.names, overlap))
-        found[overlap] = _leaks(nodes, library)
+        library = prerender_nodes(nodes, trial, dict.fromkeys(nodes.names, overlap), composed=False)
+        found[overlap] = measure_leaks(nodes, library)
     plain, other = found[0.0], found[OVERLAP]
     rule = {name: plain[name] > _LEAK and other[name] < _SHARE * plain[name] for name in plain}
     leaks = {name: (other[name], plain[name]) if rule[name] else (plain[name], other[name]) for name in plain}
     return CoverageChoice({name: OVERLAP if which else 0.0 for name, which in rule.items()}, leaks)
 
 
-def _leaks(nodes: Nodes, library: Prerendered) -> dict[str, float]:
+def measure_leaks(nodes: Nodes, library: Prerendered) -> dict[str, float]:
+    """What is seen through each part where its polygons are closed; parts made from their copies are left out."""
     guide = build_guide(nodes, library)
     sliced = replace(guide, costs=np.zeros_like(guide.costs))
     polygons = replace(guide, kinds=guide.kinds * (0, 1))
@@ -60,6 +61,8 @@ def _leaks(nodes: Nodes, library: Prerendered) -> dict[str, float]:
     leaks = {}
     for part, name in enumerate(library.names):
         node, total, count, covered = nodes.names.index(name), 0.0, 0, 0.0
+        if is_composed(nodes, node):
+            continue
         for axes in view_axes(_TESTS):
             view = _view(library.spheres[part], axes[2])
             one, exact = (_coverage(nodes, each, library, shaded, node, view) for each in (sliced, polygons))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ibrpipe.core.hierarchy import prefilter as kernels
 from ibrpipe.renderers.hierarchical.nodes import Nodes
-from ibrpipe.renderers.hierarchical.prefiltering import face_normals_of
+from ibrpipe.renderers.hierarchical.prefiltering import face_normals_of, is_composed
 from ibrpipe.types import Array
 from ibrpipe.types.prerendered import Prerendered, view_axes
 
@@ -42,10 +42,13 @@ class OrthogonalViews:
 
 
 def orthogonal_views(nodes: Nodes, library: Prerendered) -> OrthogonalViews:
-    """Draw the six views of every part of a library, one ray a texel."""
-    axes = view_axes(6)
-    parts = [_samples(*nodes.flattened(nodes.names.index(name)), sphere, axes) for name, sphere in _spheres(library)]
-    empty = np.zeros((0, 3), np.float32)
+    """Draw the six views of every part of a library, one ray a texel; none of those made from copies."""
+    axes, empty = view_axes(6), np.zeros((0, 3), np.float32)
+    parts = []
+    for name, sphere in _spheres(library):
+        node = nodes.names.index(name)
+        drawn = not is_composed(nodes, node)
+        parts.append(_samples(*nodes.flattened(node), sphere, axes) if drawn else (empty, empty, empty))
     firsts = np.cumsum([0, *(len(part[0]) for part in parts)])
     return OrthogonalViews(
         firsts, *(np.concatenate([empty, *column]) for column in (zip(*parts) if parts else [()] * 3))

@@ -8,14 +8,19 @@ from time import perf_counter
 import numpy as np
 
 from ibrpipe.core.hierarchy import prefilter as kernels
+from ibrpipe.core.hierarchy.compose import compose
+from ibrpipe.renderers.hierarchical.directions import nearest_table
 from ibrpipe.renderers.hierarchical.nodes import Nodes
+from ibrpipe.renderers.hierarchical.stacks import Stacks, join_stacks, packed_stacks
 from ibrpipe.types import Array
 from ibrpipe.types.prerendered import Prerendered, view_axes
 
 #: texels across a part, in steps of about 1.4
 RESOLUTIONS = (2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64)
-#: polygons above which a part is not flattened
-MOST_POLYGONS = 4_000_000
+#: polygons above which a part's slices are made from those of its copies
+MOST_POLYGONS = 250_000
+#: texels of a copy per texel of what is made from it, and places along a side of such a texel
+FINENESS, COMPOSED_RAYS = 1.4, 2
 
 
 @dataclass(frozen=True)
@@ -27,51 +32,100 @@ class Slicing:
     rays: int = 4
     finest: int = 32
 
+    def slabs(self, resolution: int) -> int:
+        """Number of slabs of a stack."""
+        return max(1, round(resolution / self.slab_texels))
 
-def prerender_nodes(nodes: Nodes, slicing: Slicing, overlaps: dict[str, float] | None = None) -> Prerendered:
+
+def prerender_nodes(
+    nodes: Nodes, slicing: Slicing, overlaps: dict[str, float] | None = None, composed: bool = True
+) -> Prerendered:
     """Slice every node that occurs more than once.
 
     Parameters
     ----------
     nodes : Nodes
     slicing : Slicing
-    overlaps : by name, what share of a slab the slab in front of it holds, too; 0 where not named
+    overlaps : by name, texels by which a slab goes on into the one behind it; 0 where not named
+    composed : whether large nodes are sliced, too: from the slices of their copies
     """
     began = perf_counter()
     chosen = [
-        node for node in range(len(nodes.names)) if nodes.uses[node] > 1 and 0 < nodes.triangles[node] <= MOST_POLYGONS
+        node
+        for node in range(len(nodes.names))
+        if nodes.uses[node] > 1 and nodes.triangles[node] > 0 and (composed or not is_composed(nodes, node))
     ]
     axes = view_axes(slicing.directions)
     resolutions = [each for each in RESOLUTIONS if each <= slicing.finest]
-    flat = {node: nodes.flattened(node) for node in chosen}
-    scale = max([1e-6, *(float(paints.max()) for _, paints in flat.values())])
+    painted = [nodes.paints[nodes.faces[node] : nodes.faces[node + 1]].max(initial=0.0) for node in chosen]
+    scale = float(max([1e-6, *painted]))
     rule = overlaps or {}
-    parts = [
-        _slice_node(*flat[node], axes, resolutions, slicing, scale, rule.get(nodes.names[node], 0.0), number)
-        for number, node in enumerate(chosen)
-    ]
-    joined = _join([stack for part in parts for stack in part[1]], len(axes))
+    stacks: list[Stacks] = []
+    boxes: dict[int, Array] = {}
+    spheres = np.zeros((0, 4))
+    for number, node in enumerate(chosen):
+        if is_composed(nodes, node):
+            rows, matrices = _sliced_copies(nodes, node, chosen)
+            boxes[node], sphere = enclose_boxes(np.stack([boxes[chosen[row]] for row in rows]), matrices)
+            library = (spheres, np.array(resolutions, np.int64), *join_stacks(stacks, len(axes)))
+            stacks += _compose_node((rows, matrices), sphere, axes, library, slicing, number)
+        else:
+            corners, paints = nodes.flattened(node)
+            boxes[node] = np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+            overlap = rule.get(nodes.names[node], 0.0)
+            sphere, made = _slice_node(corners, paints, axes, resolutions, slicing, scale, overlap, number)
+            stacks += made
+        spheres = np.concatenate([spheres, sphere[None]])
     return Prerendered(
         tuple(nodes.names[node] for node in chosen),
-        np.array([part[0] for part in parts]).reshape(-1, 4),
+        spheres,
         np.array(resolutions, np.int64),
         axes,
-        *joined,
+        *join_stacks(stacks, len(axes)),
         scale,
         np.array([rule.get(nodes.names[node], 0.0) for node in chosen]),
         {"seconds": perf_counter() - began},
     )
 
 
-@dataclass(frozen=True)
-class _Stacks:
-    """Slices of one part at one resolution: boxes (D, K, 4), heights (D, K), means (D, K, 12), texels (N, 12)."""
+def is_composed(nodes: Nodes, node: int) -> bool:
+    """Whether a node's slices are made from those of its copies."""
+    return bool(nodes.triangles[node] > MOST_POLYGONS and nodes.copies[node + 1] > nodes.copies[node])
 
-    part: int
-    boxes: Array
-    heights: Array
-    means: Array
-    texels: Array
+
+def _sliced_copies(nodes: Nodes, node: int, chosen: list[int]) -> tuple[Array, Array]:
+    """Rows (C,) int64 among `chosen`, and matrices (C, 12), of a node's copies that have slices."""
+    held = slice(nodes.copies[node], nodes.copies[node + 1])
+    row_of = {child: row for row, child in enumerate(chosen)}
+    rows = np.array([row_of.get(int(child), -1) for child in nodes.children[held]], np.int64)
+    return rows[rows >= 0], nodes.matrices[held][rows >= 0]
+
+
+def enclose_boxes(boxes: Array, matrices: Array) -> tuple[Array, Array]:
+    """Return the box (2, 3) and the sphere (4,) around boxes (C, 2, 3) under matrices (C, 12)."""
+    which = np.array([[n >> 2 & 1, n >> 1 & 1, n & 1] for n in range(8)])
+    corners = np.take_along_axis(boxes, which[None], axis=1)
+    moved = matrices.reshape(-1, 1, 3, 4)
+    points = ((moved[..., :3] * corners[:, :, None, :]).sum(axis=-1) + moved[..., 3]).reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    center = 0.5 * (low + high)
+    return np.stack([low, high]), np.append(center, np.linalg.norm(points - center, axis=1).max() * (1 + 1e-6))
+
+
+def _compose_node(
+    copies: tuple[Array, Array], sphere: Array, axes: Array, library: tuple[Array, ...], slicing: Slicing, part: int
+) -> list[Stacks]:
+    """Stacks of a part from those of its copies: their rows in the library so far, and matrices."""
+    spheres, resolutions, stacks, slabs, heights, _, texels = library
+    given, lookup, found = (spheres, resolutions, stacks, slabs, heights, texels), nearest_table(axes), []
+    for resolution in resolutions:
+        count = slicing.slabs(int(resolution))
+        rays = COMPOSED_RAYS if resolution > 8 else 2 * COMPOSED_RAYS
+        dense = np.zeros((len(axes), count, resolution, resolution, kernels.TEXEL), np.uint8)
+        levels = np.empty((len(axes), count), np.float32)
+        compose(copies, sphere, axes, lookup, given, FINENESS, rays, dense, levels)
+        found.append(packed_stacks(part, dense, levels))
+    return found
 
 
 def bounding_sphere(corners: Array) -> Array:
@@ -97,56 +151,16 @@ def _slice_node(
     scale: float,
     overlap: float,
     part: int,
-) -> tuple[Array, list[_Stacks]]:
+) -> tuple[Array, list[Stacks]]:
     sphere = bounding_sphere(corners)
     normals, tops = face_normals_of(corners), np.empty((0, 0, 0, 0), np.float32)
     local, paints = (corners - sphere[:3]).astype(np.float32), np.ascontiguousarray(paints, np.float32)
     found = []
     for resolution in resolutions:
-        slabs = max(1, round(resolution / slicing.slab_texels))
+        slabs = slicing.slabs(resolution)
         rays = slicing.rays if resolution > 8 else 2 * slicing.rays
         dense = np.zeros((len(axes), slabs, resolution, resolution, kernels.TEXEL), np.uint8)
         heights = np.empty((len(axes), slabs), np.float32)
         kernels.prefilter(local, paints, normals, axes, sphere[3], rays, 1.0 / scale, overlap, dense, heights, tops)
-        boxes = np.empty((len(axes), slabs, 4), np.int32)
-        kernels.trim(dense, boxes)
-        sizes = boxes[..., 2].astype(np.int64) * boxes[..., 3]
-        offsets = (np.cumsum(sizes) - sizes.ravel()).reshape(sizes.shape)
-        texels, means = np.empty((int(sizes.sum()), kernels.TEXEL), np.uint8), np.empty((*sizes.shape, 12), np.float32)
-        kernels.pack(dense, boxes, offsets, texels, means)
-        found.append(_Stacks(part, boxes, heights, means, texels))
+        found.append(packed_stacks(part, dense, heights))
     return sphere, found
-
-
-def _join(stacks: list[_Stacks], directions: int) -> tuple[Array, Array, Array, Array, Array]:
-    """Stacks of all parts, by part, resolution, direction -> first slabs, slabs, heights, means, texels."""
-    counts, slabs, heights, means = [np.zeros(1, np.int64)], [], [], []
-    base = 0
-    for each in stacks:
-        kept = each.boxes[..., 2] > 0
-        sizes = each.boxes[..., 2].astype(np.int64) * each.boxes[..., 3]
-        firsts = base + np.cumsum(sizes) - sizes.ravel()
-        bordered = np.where(kept, (each.boxes[..., 2] + 2) * (each.boxes[..., 3] + 2), 0).astype(np.int64)
-        within = np.cumsum(bordered, axis=1) - bordered
-        rows = np.concatenate(
-            [
-                each.boxes.reshape(-1, 4),
-                firsts[:, None],
-                within.reshape(-1, 1),
-                np.full((sizes.size, 1), each.part),
-            ],
-            axis=1,
-        )
-        counts.append(kept.sum(axis=1))
-        slabs.append(rows[kept.ravel()])
-        heights.append(each.heights[kept])
-        means.append(each.means[kept])
-        base += len(each.texels)
-    texels = [each.texels for each in stacks]
-    return (
-        np.cumsum(np.concatenate(counts), dtype=np.int64),
-        np.concatenate([np.zeros((0, 7), np.int64), *slabs]).astype(np.int64),
-        np.concatenate([np.zeros(0, np.float32), *heights]),
-        np.concatenate([np.zeros((0, 12), np.float32), *means]),
-        np.concatenate([np.zeros((0, 12), np.uint8), *texels]),
-    )

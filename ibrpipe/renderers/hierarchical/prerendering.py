@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from time import perf_counter
 
-from ibrpipe.renderers.hierarchical.coverage import choose_coverage
+from ibrpipe.renderers.hierarchical.coverage import choose_coverage, measure_leaks
 from ibrpipe.renderers.hierarchical.nodes import Nodes, scene_nodes
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing, prerender_nodes
 from ibrpipe.types import Scene
@@ -29,4 +29,5 @@ def prerender_all(nodes: Nodes, slicing: Slicing) -> Prerendered:
     began = perf_counter()
     choice = choose_coverage(nodes, slicing)
     library = prerender_nodes(nodes, slicing, choice.overlaps)
-    return replace(library, info={"seconds": perf_counter() - began, "leaks": choice.leaks})
+    leaks = {name: (leak, choice.leaks[name][1]) for name, leak in measure_leaks(nodes, library).items()}
+    return replace(library, info={"seconds": perf_counter() - began, "leaks": leaks})

@@ -16,7 +16,7 @@ from ibrpipe.renderers.hierarchical.guide import Guide, build_guide
 from ibrpipe.renderers.hierarchical.nodes import Nodes, scene_nodes
 from ibrpipe.renderers.hierarchical.options import HierarchicalOptions
 from ibrpipe.renderers.hierarchical.orthogonal_views import RESOLUTION, OrthogonalViews, orthogonal_views
-from ibrpipe.renderers.hierarchical.prefiltering import Slicing
+from ibrpipe.renderers.hierarchical.prefiltering import Slicing, is_composed
 from ibrpipe.renderers.hierarchical.prerendering import prerender_all
 from ibrpipe.renderers.hierarchical.reprojection import reproject, without_slices
 from ibrpipe.renderers.hierarchical.selection import select
@@ -79,6 +79,7 @@ class HierarchicalData:
     def published(self) -> Guide:
         """The guide of a walk that knows one resolution of every part."""
         kinds = self.guide.kinds.copy()
+        kinds[[is_composed(self.nodes, node) for node in range(len(kinds))], 0] = 0
         return replace(
             self.guide, kinds=kinds, costs=np.zeros_like(self.guide.costs[:, :1]), resolutions=np.array([RESOLUTION])
         )

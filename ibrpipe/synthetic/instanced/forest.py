@@ -8,12 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrpipe.errors import ValueRangeError
-from ibrpipe.synthetic.instanced.pieces import painted_ground, placed, turned
+from ibrpipe.synthetic.instanced.groves import CELL, GROVE, SPACING, patterns, places_of_grid, plant, plant_blocks
+from ibrpipe.synthetic.instanced.pieces import painted_ground
 from ibrpipe.synthetic.instanced.trees import SPECIES, tree
 from ibrpipe.types import Camera, Instances, Part, Scene
 
-SPACING = 7.0
 GROUND = (0.22, 0.20, 0.12)
+#: trees up to which all are copies of the root
+FLAT = 1024
 
 #: names of the cameras of `forest_cameras`
 VIEWS = ("far", "middle", "near")
@@ -25,7 +27,8 @@ def forest(trees: int, seed: int = 5, species: Sequence[str] = tuple(SPECIES)) -
     Parameters
     ----------
     trees : int
-        On a square grid 7 m wide, jittered, with random yaw, size (0.75 to 1.25) and a slight lean.
+        On a square grid 7 m wide, jittered, with random yaw, size (0.75 to 1.25) and a slight lean. More than 1,024
+        stand in groves of 16 x 16 places and cells of 4 x 4, copies of few patterns, and singly at the border.
     seed : int
         Of the layout and of the trees' shapes.
     species : names of `SPECIES`
@@ -35,18 +38,16 @@ def forest(trees: int, seed: int = 5, species: Sequence[str] = tuple(SPECIES)) -
         raise ValueRangeError(f"a forest of {trees} trees; give at least 1")
     rng = np.random.default_rng((seed, 1))
     side = grid_side(trees)
-    cells = rng.permutation(side * side)[:trees]
-    grid = np.stack([cells % side, cells // side], axis=1)
-    places = (grid - (side - 1) / 2 + rng.uniform(-0.35, 0.35, (trees, 2))) * SPACING
-    matrices = np.empty((trees, 4, 4))
-    for n, (x, y) in enumerate(places):
-        pose = turned((0, 0, 1), rng.uniform(0, 2 * math.pi)) @ turned((1, 0, 0), rng.normal(0.0, 0.04))
-        matrices[n] = placed((x, y, 0.0), pose, rng.uniform(0.75, 1.25))
-    kind = rng.integers(0, len(species), trees)
-    parts, copies = [], []
-    for n, name in enumerate(species):
-        parts += tree(name, (11 + n + 1000 * (seed - 5)) % 2**32)
-        copies.append(Instances(parts[-1].name, matrices[kind == n]))
+    parts = [part for n, name in enumerate(species) for part in tree(name, (11 + n + 1000 * (seed - 5)) % 2**32)]
+    kinds = [f"{name}-tree" for name in species]
+    grid = places_of_grid((0, 0), side)
+    copies: list[Instances] = []
+    if trees > FLAT:
+        parts += patterns(kinds, seed)
+        copies, grid = plant_blocks(trees, side, rng)
+    held = sum(len(each) * (GROVE if each.part.startswith("grove") else CELL) ** 2 for each in copies)
+    chosen = grid[rng.permutation(len(grid))[: trees - held]]
+    copies = [*plant(chosen - (side - 1) / 2, kinds, rng), *copies]
     ground = painted_ground(10 * side * SPACING, GROUND)
     return Scene([*parts, Part("forest", (ground,), children=tuple(copies))], "forest")
 

@@ -44,20 +44,24 @@ def hits_of_ray(corners, axes, radius, size, i, j):
     return sorted(found, reverse=True)
 
 
-def twin(corners, paints, normals, axes, radius, rays, slabs, resolution, overlap):
+def twin(corners, paints, normals, axes, radius, rays, slabs, resolution, reach):
     """Coverage, mean albedo, mean n, mean n n^T of every texel of every slab, as floats, and heights of slabs."""
     size = resolution * rays
     cover, moments = np.zeros((slabs, resolution, resolution)), np.zeros((slabs, resolution, resolution, 11))
-    open_rays, heights = np.zeros_like(cover), [[] for _ in range(slabs)]
+    heights, own = [[] for _ in range(slabs)], np.full((slabs, size, size), None)
     for j in range(size):
         for i in range(size):
-            hits = hits_of_ray(corners, axes, radius, size, i, j)
-            first = [next((h for h in hits if k in slabs_of(h[0], radius, slabs, overlap)), None) for k in range(slabs)]
-            for k in range(slabs):
-                open_rays[k, j // rays, i // rays] += 1
-                if first[k] is None:
+            for hit in reversed(hits_of_ray(corners, axes, radius, size, i, j)):
+                own[min(max(int((radius - hit[0]) / (2 * radius) * slabs), 0), slabs - 1), j, i] = hit
+    for k in range(slabs):
+        for j in range(size):
+            for i in range(size):
+                hit = own[k, j, i]
+                if hit is None and k + 1 < slabs and near_a_hit(own[k], j, i, int(reach * rays)):
+                    hit = own[k + 1, j, i]
+                if hit is None:
                     continue
-                height, f, s, t = first[k]
+                height, f, s, t = hit
                 n = normals[f] * (1 if normals[f] @ axes[2] >= 0 else -1)
                 albedo = (1 - s - t) * paints[f, 0] + s * paints[f, 1] + t * paints[f, 2]
                 cover[k, j // rays, i // rays] += 1
@@ -66,26 +70,25 @@ def twin(corners, paints, normals, axes, radius, rays, slabs, resolution, overla
                     *albedo, *n, n[0] ** 2, n[1] ** 2, n[0] * n[1], n[0] * n[2], n[1] * n[2],
                 )  # fmt: skip
     moments /= np.maximum(cover, 1)[..., None]
-    return cover / np.maximum(open_rays, 1), moments, [np.mean(h) if h else np.nan for h in heights]
+    return cover / rays**2, moments, [np.mean(h) if h else np.nan for h in heights]
 
 
-def slabs_of(height, radius, slabs, overlap):
-    """The slab that holds a height, and the one in front of it where that one reaches so far."""
-    place = (radius - height) / (2 * radius) * slabs
-    last = min(max(int(place), 0), slabs - 1)
-    return {last, last - 1} if last > 0 and place - last < overlap else {last}
+def near_a_hit(hits, j, i, reach):
+    """Whether a ray within a square of 2 reach + 1 rays around one meets something."""
+    around = hits[max(j - reach, 0) : j + reach + 1, max(i - reach, 0) : i + reach + 1]
+    return reach > 0 and any(hit is not None for hit in around.ravel())
 
 
-@pytest.mark.parametrize("overlap", [0.0, 0.4])
-def test_texels_equal_the_rays_average(overlap):
+@pytest.mark.parametrize("reach", [0.0, 0.4, 1.0])
+def test_texels_equal_the_rays_average(reach):
     corners, paints, normals = soup(16)
     axes = np.stack([axes_of((0.3, -0.5, 0.8)), axes_of((1, 0, 0))])
     dense, heights = np.zeros((2, 2, 4, 4, 12), np.uint8), np.empty((2, 2), np.float32)
     tops = np.full((2, 2, 4, 4), np.nan, np.float32)
-    prefilter.prefilter(corners, paints, normals, axes, 1.8, 3, 1.0, overlap, dense, heights, tops)
+    prefilter.prefilter(corners, paints, normals, axes, 1.8, 3, 1.0, reach, dense, heights, tops)
     np.testing.assert_array_equal(np.isfinite(tops), dense[..., 0] > 0)
     for d in range(2):
-        cover, moments, depth = twin(corners, paints, normals, axes[d], 1.8, 3, 2, 4, overlap)
+        cover, moments, depth = twin(corners, paints, normals, axes[d], 1.8, 3, 2, 4, reach)
         np.testing.assert_allclose(dense[d, ..., 0] / 255, cover, atol=0.51 / 255)
         there = cover > 0
         assert there.sum() >= 4
@@ -107,16 +110,16 @@ def test_overlapping_slabs_of_a_wall_hide_what_is_behind():
     )
     normal = np.array([[-1, 0, 1], [-1, 0, 1]]) / np.sqrt(2)
     leak = {}
-    for overlap in (0.0, 0.4):
+    for reach in (0.0, 1.0):
         dense, heights = np.zeros((1, 2, 7, 7, 12), np.uint8), np.empty((1, 2), np.float32)
         prefilter.prefilter(
             square.astype(np.float32), np.ones((2, 3, 3), np.float32), normal.astype(np.float32), np.eye(3)[None], 0.7,
-            4, 1.0, overlap, dense, heights, NO_TOPS,
+            4, 1.0, reach, dense, heights, NO_TOPS,
         )  # fmt: skip
         inner = dense[0, :, 2:5, 2:5, 0] / 255.0
-        leak[overlap] = float(((1 - inner[0]) * (1 - inner[1])).max())
+        leak[reach] = float(((1 - inner[0]) * (1 - inner[1])).max())
     assert leak[0.0] > 0.15
-    assert leak[0.4] < 0.005
+    assert leak[1.0] < 0.005
 
 
 def test_a_wire_thinner_than_a_texel_covers_its_share():

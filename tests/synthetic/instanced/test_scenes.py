@@ -69,3 +69,33 @@ def test_solids_are_closed_and_outward():
         volume = np.einsum("ni,ni->", a, np.cross(b, c)) / 6
         assert volume > 0
     assert volume == pytest.approx(4 * 4 * 0.3)
+
+
+@pytest.mark.parametrize("trees", [1025, 2000, 2304])
+def test_large_forests_are_cells_and_groves_of_few_patterns(trees):
+    scene = forest(trees)
+    assert scene.polygons["forest"] == trees * 29872 + 2
+    assert {name.partition("-")[0] for name in scene.parts} == {"maple", "oak", "cell", "grove", "forest"}
+    assert sum(len(each) for each in scene.parts["grove-0"].children) == 16
+    assert len(scene.parts["forest"].children) <= 9
+    for name in ("cell-2", "grove-1"):
+        same, other = forest(5000).parts[name].children, forest(5000, 6).parts[name].children
+        for a, b in zip(scene.parts[name].children, same):
+            np.testing.assert_array_equal(a.matrices, b.matrices)
+        assert any(len(a) != len(b) or (a.matrices != b.matrices).any() for a, b in zip(same, other))
+
+
+def test_trees_of_cells_stand_as_far_apart_as_single_ones():
+    scene = forest(1100)
+    places, waiting = [], [("forest", np.eye(4))]
+    while waiting:
+        name, pose = waiting.pop()
+        if name.endswith("-tree"):
+            places.append(pose[:3, 3])
+            continue
+        waiting += [(each.part, pose @ matrix) for each in scene.parts[name].children for matrix in each.matrices]
+    found = np.array(places)
+    assert len(found) == 1100
+    cells = np.floor(found[:, :2] / 7.0 + 17).astype(int)
+    assert len(np.unique(cells, axis=0)) == 1100
+    assert np.abs(found[:, :2]).max() < 17 * 7.0
