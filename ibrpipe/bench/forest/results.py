@@ -31,6 +31,17 @@ class ForestRow(Document):
     triangles: int = Field(ge=0, description="Triangles drawn")
 
 
+class FlightRow(Document):
+    """A flight over one forest: change from frame to frame beyond the truth's, 8-bit codes of sRGB."""
+
+    trees: int = Field(ge=1, description="Trees")
+    frames: int = Field(ge=2, description="Frames, about a pixel of motion each")
+    ours_rms: float = Field(ge=0, description="Root mean square over pixels of our change less the truth's")
+    ours_block: float = Field(ge=0, description="The largest mean of it over a block of 16 x 16 pixels")
+    peer_rms: float | None = Field(description="Of Embree at 4 samples a pixel; none without the extra")
+    peer_block: float | None = Field(description="Of Embree at 4 samples a pixel, largest block")
+
+
 class ForestModel(Document):
     """Forests of copies: speed at equal error."""
 
@@ -42,4 +53,5 @@ class ForestModel(Document):
     library_bytes: int = Field(ge=0, description="Bytes of the slices in memory, those of the last forest")
     prerender_seconds: float = Field(ge=0, description="Time to make them, wall time")
     rows: list[ForestRow] = Field(description="By number of trees and view")
+    flights: list[FlightRow] = Field(default_factory=list, description="One a forest, where --flight is given")
     seconds: float = Field(ge=0, description="Time of the whole run, s")

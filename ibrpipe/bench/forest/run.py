@@ -11,8 +11,10 @@ from time import perf_counter, process_time
 import numba
 import numpy as np
 
+from ibrpipe.bench.forest.flight import fly
 from ibrpipe.bench.forest.peer import Peer
-from ibrpipe.bench.forest.results import ForestModel, ForestRow
+from ibrpipe.bench.forest.pictures import our_picture, over_sky
+from ibrpipe.bench.forest.results import FlightRow, ForestModel, ForestRow
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.engine.machine import describe_machine
 from ibrpipe.errors import ResourceError
@@ -25,8 +27,6 @@ from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
 from ibrpipe.types import Array, Camera, Scene
 from ibrpipe.types.prerendered import Prerendered, PrerenderedScene
 
-#: linear light of the sky that pictures are compared over
-SKY = (0.55, 0.70, 0.90)
 #: samples of the peer along a side of a pixel: those that are timed, and those of the truth
 SIDES, TRUTH = (1, 2, 4), 16
 
@@ -47,10 +47,12 @@ def run_forest(
     repeats: int = 5,
     size: tuple[int, int] = (640, 480),
     slicing: Slicing | None = None,
+    frames: int = 0,
 ) -> ForestModel:
-    """Measure forests of several sizes from several cameras; see `ForestModel`."""
+    """Measure forests of several sizes from several cameras, and flights of `frames` frames; see `ForestModel`."""
     began = perf_counter()
     rows: list[ForestRow] = []
+    flights: list[FlightRow] = []
     libraries: dict[tuple[str, ...], Prerendered] = {}
     for count in track(trees, "forests"):
         scene, cameras = forest(count, seed), forest_cameras(count, *size)
@@ -58,9 +60,10 @@ def run_forest(
         peer, note = _peer(scene)
         ours = prepare(PrerenderedScene(scene, library), "hierarchical")
         rows += [_row(count, view, cameras[view], ours, peer, note, repeats) for view in views]
+        flights += [fly(count, frames, ours, peer, size)] if frames > 1 else []
     return ForestModel(
         machine=describe_machine(), width=size[0], height=size[1], seed=seed, library_bytes=library.bytes,
-        prerender_seconds=float(library.info["seconds"]), rows=rows, seconds=perf_counter() - began,
+        prerender_seconds=float(library.info["seconds"]), rows=rows, flights=flights, seconds=perf_counter() - began,
     )  # fmt: skip
 
 
@@ -91,7 +94,7 @@ def _row(
             _keep(shots, side, _peer_shot(peer, camera, side))
     mine = shots.pop(0)
     if peer is None:
-        truth = _over_sky(*_picture(ours, camera, "polygons"))
+        truth = over_sky(*our_picture(ours, camera, "polygons"))
         note += "; PSNR is against our polygons at 16 samples a pixel"
     else:
         truth = _peer_shot(peer, camera, TRUTH).picture
@@ -112,16 +115,9 @@ def _keep(shots: dict[int, _Shot], name: int, shot: _Shot) -> None:
 
 def _our_shot(ours: Prepared, camera: Camera) -> _Shot:
     wall, cpu = perf_counter(), process_time()
-    color, alpha = _picture(ours, camera, "slices")
+    color, alpha = our_picture(ours, camera, "slices")
     cpu, wall = process_time() - cpu, perf_counter() - wall
-    return _Shot(1e3 * cpu / numba.get_num_threads(), 1e3 * wall, _over_sky(color, alpha))
-
-
-def _picture(ours: Prepared, camera: Camera, mode: str) -> tuple[Array, Array]:
-    frame = render(ours, camera, "hierarchical", ("color", "alpha"), mode=mode)
-    assert frame.color is not None
-    assert frame.alpha is not None
-    return frame.color * frame.alpha[..., None], frame.alpha
+    return _Shot(1e3 * cpu / numba.get_num_threads(), 1e3 * wall, over_sky(color, alpha))
 
 
 def _peer_shot(peer: Peer | None, camera: Camera, side: int) -> _Shot:
@@ -129,11 +125,7 @@ def _peer_shot(peer: Peer | None, camera: Camera, side: int) -> _Shot:
     wall = perf_counter()
     picture, cpu = peer.render(camera, side)
     wall = perf_counter() - wall
-    return _Shot(1e3 * cpu / numba.get_num_threads(), 1e3 * wall, _over_sky(picture[..., :3], picture[..., 3]))
-
-
-def _over_sky(color: Array, alpha: Array) -> Array:
-    return color + (1.0 - alpha[..., None]) * np.array(SKY, np.float32)
+    return _Shot(1e3 * cpu / numba.get_num_threads(), 1e3 * wall, over_sky(picture[..., :3], picture[..., 3]))
 
 
 def psnr(one: Array, other: Array) -> float:

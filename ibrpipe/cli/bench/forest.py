@@ -16,7 +16,8 @@ from ibrpipe.cli.show import display
 @click.command(
     name="forest",
     epilog=example(
-        "ibrpipe bench forest --trees 100,1000 --json forest.json", "ibrpipe bench forest --trees 10000 --views far"
+        "ibrpipe bench forest --trees 100,1000 --json forest.json",
+        "ibrpipe bench forest --trees 100,1000,10000,100000 --views far --growth growth.png",
     ),
 )
 @click.option("--trees", default="100,1000", show_default=True, metavar="N,N,…", help="Sizes of the forests.")
@@ -29,6 +30,10 @@ from ibrpipe.cli.show import display
     "--directions", type=click.IntRange(1, 4096), help="Views of a part; 6 = those of the paper. As usual if not given."
 )
 @click.option("--slab-texels", type=click.FloatRange(0.5, 64), help="Thickness of slabs. As usual if not given.")
+@click.option(
+    "--flight", type=click.IntRange(2), metavar="FRAMES", help="Fly over each forest: change beyond the truth's."
+)
+@click.option("--growth", type=PATH, metavar="FILE", help="Draw time against the number of trees: .png, .svg or .pdf.")
 @click.option("--json", "file", type=PATH, metavar="FILE", help="Write the figures here.")
 def command(
     trees: str,
@@ -37,6 +42,8 @@ def command(
     repeats: int,
     directions: int | None,
     slab_texels: float | None,
+    flight: int | None,
+    growth: Path | None,
     file: Path | None,
 ) -> None:
     """Draw forests with the renderer hierarchical and with Embree's instances, in turn, and compare at equal error.
@@ -46,17 +53,22 @@ def command(
     for the sizes that are set, on two cores.
     """
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait must not spin: CPU time is measured
+    from ibrpipe.bench.forest.growth_plot import write_growth_plot
     from ibrpipe.bench.forest.run import run_forest
     from ibrpipe.io.manifest import write_json
     from ibrpipe.renderers.hierarchical.prefiltering import Slicing
 
+    if growth is not None and growth.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise click.UsageError(f"--growth is {str(growth)!r}; name a file that ends in .png, .svg or .pdf")
     given = {"directions": directions, "slab_texels": slab_texels}
     slicing = Slicing(**{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
     with display():
-        model = run_forest(_numbers(trees), _names(views), seed, repeats, slicing=slicing)
+        model = run_forest(_numbers(trees), _names(views), seed, repeats, slicing=slicing, frames=flight or 0)
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_json(file, model.model_dump(mode="json"))
+    if growth is not None:
+        write_growth_plot(model.rows, growth)
     print_table(facts_table("forest", _lines(model)))
 
 
@@ -87,4 +99,9 @@ def _lines(model: Any) -> dict[str, str]:
         else:
             told += f"; Embree {row.equal_ms:.0f} ms at this error: {row.ratio:.1f}x"
         lines[f"{row.trees} trees, {row.view}"] = told
+    for flown in model.flights:
+        told = f"changes by {flown.ours_rms:.2f} codes more than the truth, largest block {flown.ours_block:.2f}"
+        if flown.peer_rms is not None:
+            told += f"; Embree at 4 samples {flown.peer_rms:.2f}, {flown.peer_block:.2f}"
+        lines[f"{flown.trees} trees, flight"] = told
     return lines

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ibrpipe.bench.forest import embree_instances, run
+from ibrpipe.bench.forest import embree_instances, flight, growth_plot, peer, run
+from ibrpipe.bench.forest.results import ForestRow
 from ibrpipe.cli.main import cli
 from ibrpipe.errors import ResourceError
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing
@@ -40,9 +41,9 @@ def test_embree_sees_what_the_polygons_show():
         assert row.equal_ms == pytest.approx(row.ratio * row.ours_ms)
     scene = run.forest(6)
     nodes = run.scene_nodes(scene)
-    peer = run.Peer(nodes, scene.lighting)
+    embree = run.Peer(nodes, scene.lighting)
     for camera in run.forest_cameras(6, 100, 70).values():
-        picture, _ = peer.render(camera, 4)
+        picture, _ = embree.render(camera, 4)
         frame = run.render(scene_data(scene), camera, "hierarchical", ("color", "alpha"), mode="polygons")
         ours = np.dstack([frame.color * frame.alpha[..., None], frame.alpha])
         assert np.abs(ours - picture).mean() < 0.003
@@ -51,6 +52,47 @@ def test_embree_sees_what_the_polygons_show():
 def scene_data(scene):
     library = run.prerender_all(run.scene_nodes(scene), Slicing(6, 6.0, 2, 4))
     return run.prepare(run.PrerenderedScene(scene, library), "hierarchical")
+
+
+def test_the_peer_takes_groves_apart_into_trees():
+    nodes = run.scene_nodes(run.forest(1100))
+    children, matrices = peer.copies_of_trees(nodes)
+    names = [nodes.names[child] for child in children]
+    assert sum(name.endswith("-tree") for name in names) == 1100
+    assert sorted({name for name in names if not name.endswith("-tree")}) == ["forest/own"]
+    trees = matrices[[name.endswith("-tree") for name in names]].reshape(-1, 3, 4)
+    assert len(np.unique(np.floor(trees[:, :2, 3] / 7.0 + 17), axis=0)) == 1100
+    assert (np.cbrt(np.linalg.det(trees[:, :, :3])) > 0.7).all()
+
+
+def test_changes_beyond_the_truths_are_counted_in_codes():
+    truth = [np.full((32, 48, 3), level, np.float32) for level in (0.2, 0.3, 0.4)]
+    assert flight.changes(truth, truth) == (0.0, 0.0)
+    popped = [each.copy() for each in truth]
+    popped[1][:16, 16:32] = 1.0
+    rms, block = flight.changes(popped, truth)
+    wanted = 255 * (1 - run.srgb_encode(np.array([0.3]))[0])
+    assert block == pytest.approx(wanted, rel=1e-5)
+    assert rms == pytest.approx(wanted * np.sqrt(1 / 6), rel=1e-5)
+
+
+def test_a_flight_changes_less_than_embree_at_four_samples():
+    pytest.importorskip("embreex")
+    (flown,) = run.run_forest([60], [], **SMALL, frames=6).flights
+    assert 0 < flown.ours_rms < flown.peer_rms
+    assert flown.ours_block < 2 * flown.peer_block
+
+
+def test_growth_is_drawn_for_views_of_several_forests(tmp_path):
+    made = {"ours_wall_ms": 1.0, "ours_psnr": 40.0, "peer": {}, "note": "", "parts": 1, "slices": 1, "triangles": 1}
+    rows = [
+        ForestRow(trees=trees, view=view, ours_ms=ms, equal_ms=9.0, ratio=9.0 / ms, **made)
+        for trees, view, ms in ((100, "far", 3.0), (1000, "far", 4.0), (100, "near", 5.0))
+    ]
+    growth_plot.write_growth_plot(rows, tmp_path / "new" / "growth.svg")
+    drawn = (tmp_path / "new" / "growth.svg").read_text(encoding="utf-8")
+    assert "far, Embree at this error" in drawn
+    assert "near" not in drawn
 
 
 def test_without_the_peer_the_row_says_so(monkeypatch):
@@ -98,7 +140,12 @@ def test_the_command_writes_its_figures(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("options", "told"), [(["--trees", "0"], "at least 1"), (["--views", "close"], "far, middle, near")]
+    ("options", "told"),
+    [
+        (["--trees", "0"], "at least 1"),
+        (["--views", "close"], "far, middle, near"),
+        (["--growth", "plot.gif"], "ends in .png, .svg or .pdf"),
+    ],
 )
 def test_wrong_options_are_usage_errors(options, told):
     result = CliRunner().invoke(cli, ["bench", "forest", *options])
