@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.renderers.edges import edge_pixels
+from ibrpipe.renderers.edges import MOST_RAYS, edge_pixels
 from ibrpipe.renderers.frames import make_frame
 from ibrpipe.types import Array, Camera, Frame
 
@@ -17,8 +17,6 @@ from ibrpipe.types import Array, Camera, Frame
 Draw = Callable[[Camera, tuple[str, ...]], Frame]
 #: rays of an edge's pixel where a renderer has no way of its own to draw only some pixels
 EDGE_SAMPLES = 4
-#: rays that are drawn at once, if a row of pixels does not have more
-MOST_RAYS = 4_000_000
 
 
 def supersample(draw: Draw, camera: Camera, outputs: tuple[str, ...], samples: int) -> Frame:

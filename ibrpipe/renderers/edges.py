@@ -7,6 +7,8 @@ import numpy as np
 from ibrpipe.core.edges import find_edges, invert_depths
 from ibrpipe.types import Array
 
+#: rays that are traced at once, if a row of pixels does not have more
+MOST_RAYS = 4_000_000
 #: rays of an edge's pixel along either axis; where they pass through it, in whole 64ths, which float32 holds
 SIDE = 3
 OFFSETS = np.round(64 * (np.arange(SIDE) + 0.5) / SIDE) / 64

@@ -13,6 +13,7 @@ from ibrpipe.errors import RendererError
 from ibrpipe.renderers import antialiasing
 from ibrpipe.renderers.antialiasing import supersample
 from ibrpipe.renderers.edges import edge_pixels
+from ibrpipe.renderers.ldi import edge_rays
 from ibrpipe.types import Camera, ParallelFrame, ReliefTexture
 from ibrpipe.types.layers import single_layer
 
@@ -110,6 +111,33 @@ def test_bands_are_what_is_drawn_in_one_go(renderer, samples, monkeypatch):
             np.testing.assert_allclose(other, one, atol=1e-5)
         else:
             np.testing.assert_array_equal(other, one)
+
+
+def test_edges_in_bands_are_those_in_one_go(monkeypatch):
+    prepared = ibrpipe.prepare(layers((20, 26), seed=5))
+    whole = ibrpipe.render(prepared, CAMERA, samples="adaptive")
+    asked = edge_pixels(*(getattr(ibrpipe.render(prepared, CAMERA), name) for name in ("depth", "alpha")))
+    monkeypatch.setattr(edge_rays, "MOST_RAYS", 9 * 40)
+    bands = ibrpipe.render(prepared, CAMERA, samples="adaptive")
+    assert bands.stats["edge_pixels"] == whole.stats["edge_pixels"] == asked.sum() > 80
+    assert bands.stats["rays"] == whole.stats["rays"]
+    for name in ("color", "depth", "alpha"):
+        np.testing.assert_array_equal(getattr(bands, name), getattr(whole, name))
+
+
+@pytest.mark.parametrize("most", [9, 90, 9000])
+def test_bands_of_edges_hold_every_edge_once(most, monkeypatch):
+    monkeypatch.setattr(edge_rays, "MOST_RAYS", most)
+    known = np.zeros((30, 20), np.float32)
+    known[4:6, 3:9], known[15:25, 1:18] = 1, 1
+    depth = np.where(known > 0, 5, np.inf).astype(np.float32)
+    bands = edge_rays.edge_bands(depth, known)
+    asked = edge_pixels(depth, known)
+    np.testing.assert_array_equal(np.sum(bands, axis=0), asked)
+    sizes, rows = [int(band.sum()) for band in bands], [int(band.any(axis=1).sum()) for band in bands]
+    assert min(sizes) > 0
+    assert all(9 * size <= most or count == 1 for size, count in zip(sizes, rows))
+    assert edge_rays.edge_bands(np.full_like(depth, np.inf), np.zeros_like(known)) == []
 
 
 def test_no_band_has_more_rays_than_allowed(monkeypatch):

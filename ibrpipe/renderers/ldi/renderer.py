@@ -15,7 +15,7 @@ import numpy as np
 
 from ibrpipe.core.ldi import project_heights
 from ibrpipe.renderers.frames import limited_threads, make_frame
-from ibrpipe.renderers.ldi.edge_rays import draw_means, trace_edges
+from ibrpipe.renderers.ldi.edge_rays import draw_means, edge_bands, trace_edges
 from ibrpipe.renderers.ldi.levels import Level, levels_behind, mix
 from ibrpipe.renderers.ldi.options import LdiOptions, Search
 from ibrpipe.renderers.scene import Hits, Scene, shade_hits
@@ -78,14 +78,15 @@ def draw_adaptive(scene: Scene, camera: Camera, outputs: tuple[str, ...], option
     assert known is not None
     began, stats = perf_counter(), dict(frame.stats)
     with limited_threads(options.threads):
-        edges = trace_edges(scene, camera, depth, known)
-        for edge in edges:
-            for component in scene.components if options.residuals else ():
-                component.add(edge)
-        if edges:
+        stats["edge_pixels"] = 0
+        for band in edge_bands(depth, known):
+            edges = trace_edges(scene, camera, band)
+            for edge in edges:
+                for component in scene.components if options.residuals else ():
+                    component.add(edge)
             draw_means(edges, color, known)
-    stats["edge_pixels"] = len(edges[0].depth) if edges else 0
-    stats["rays"] += edges[0].depth.size if edges else 0
+            stats["edge_pixels"] += len(edges[0].depth)
+            stats["rays"] += edges[0].depth.size
     stats["milliseconds"] += 1e3 * (perf_counter() - began)
     return make_frame(outputs, depth, color, known, stats)
 
