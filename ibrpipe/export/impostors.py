@@ -39,6 +39,8 @@ class Picture:
 def write(source: Path, target: Path) -> None:
     """Write an atlas for every part that the scene's root holds copies of, each in a folder of its own in `target`.
 
+    Groups of many, such as groves of trees, are taken apart: theirs are the atlases of what they hold.
+
     Raises
     ------
     ConfigError
@@ -47,7 +49,7 @@ def write(source: Path, target: Path) -> None:
         A file cannot be written.
     """
     scene = read_scene(source)
-    names = dict.fromkeys(copies.part for copies in scene.parts[scene.root].children) or {scene.root: None}
+    names = dict.fromkeys(held_parts(scene, scene.root)) or {scene.root: None}
     shown = [name for name in names if scene.polygons[name]]
     if not shown:
         raise ConfigError(f"{source}: what its root holds has no meshes, so there are no impostors to make")
@@ -152,3 +154,17 @@ def _joined(pieces: list[PaintedMesh]) -> PaintedMesh:
 EXPORTER = Exporter(
     "impostors", "Octahedral and six-sided impostors of a scene's parts, for game engines.", write, takes="scene"
 )
+
+
+#: polygons above which a group of copies is taken apart
+_GROUP = 250_000
+
+
+def held_parts(scene: Scene, name: str) -> list[str]:
+    """Parts that a part holds copies of; groups of more than 250,000 polygons are taken apart."""
+    found: list[str] = []
+    for held in dict.fromkeys(copies.part for copies in scene.parts[name].children):
+        part = scene.parts[held]
+        apart = scene.polygons[held] > _GROUP and part.children and not part.meshes
+        found += held_parts(scene, held) if apart else [held]
+    return found

@@ -10,8 +10,9 @@ from click.testing import CliRunner
 
 import ibrpipe
 from ibrpipe.cli.main import cli
-from ibrpipe.export.impostors import octahedral_directions, view_axes, write_atlas
+from ibrpipe.export.impostors import held_parts, octahedral_directions, view_axes, write_atlas
 from ibrpipe.io.photos.images import read_depth, read_image
+from ibrpipe.synthetic.instanced.forest import forest
 from ibrpipe.synthetic.instanced.pieces import painted_box, placed
 from ibrpipe.synthetic.instanced.solids import painted_ball, solids
 from ibrpipe.types import Instances, Part, Scene
@@ -83,3 +84,10 @@ def test_a_scene_without_meshes_is_told(tmp_path):
     result = CliRunner().invoke(cli, args)
     assert result.exit_code == 1
     assert "holds has no meshes, so there are no impostors to make" in result.stderr
+
+
+def test_groves_are_taken_apart_into_trees():
+    scene = forest(1100)
+    assert sorted(set(held_parts(scene, scene.root))) == ["maple-tree", "oak-tree"]
+    small = solids()
+    assert held_parts(small, small.root) == ["wall", "ball"]
