@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ibrpipe.config import Document
 from ibrpipe.engine.artifacts import products
 from ibrpipe.engine.run_document import RunDocument
-from ibrpipe.errors import MissingFileError
+from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.manifest import RUN_NAME, Manifest, files_below, read_manifest
 from ibrpipe.stages.registry import load_stages
 
@@ -39,6 +39,8 @@ def describe(path: Path) -> Facts:
     if is_scene(path):
         return scene_facts(read_scene(path), path)
     if path.is_file():
+        if path.suffix.lower() != ".json":
+            raise FormatError(f"{path}: is neither a views.json nor a scene; give the folder that holds it")
         return _views(path)
     if (path / "asset.json").is_file():
         return _asset(path)

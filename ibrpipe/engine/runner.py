@@ -15,7 +15,7 @@ from ibrpipe.engine.provenance import code_digest, measured, versions
 from ibrpipe.engine.run_document import RunDocument
 from ibrpipe.engine.run_folder import files_with_sizes, only_run, whole_folder
 from ibrpipe.engine.stage import Stage
-from ibrpipe.errors import ConfigError, ResourceError, closest
+from ibrpipe.errors import ConfigError, MissingFileError, ResourceError, closest
 from ibrpipe.interruption import stop_if_asked
 from ibrpipe.io.manifest import (
     NAME,
@@ -28,6 +28,7 @@ from ibrpipe.io.manifest import (
     write_manifest,
     write_text,
 )
+from ibrpipe.io.untrusted.inside import shortened
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class Event:
 
 
 Report = Callable[[Event], None]
+_HASHES = ".hashes.json"
 
 
 def _silent(event: Event) -> None:
@@ -178,11 +180,28 @@ def run_pipeline(run: Run, stages: Sequence[Stage], report: Report = _silent) ->
         As raised by a stage. The results of the stages before it stay, and the next run goes on from there.
     """
     chosen = _chosen(run, stages)
-    done: dict[str, Manifest] = {}
+    if run.capture is not None and not run.capture.is_dir():
+        raise MissingFileError(
+            f"there is no capture folder {shortened(str(run.capture))}; give the right one with --capture"
+        )
+    fresh, done = not run.out.exists(), dict[str, Manifest]()
+    try:
+        _run_chosen(run, stages, chosen, done, report)
+    except BaseException:
+        if fresh and not done:
+            _remove_bare(run.out)
+        raise
+    return done
+
+
+def _run_chosen(
+    run: Run, stages: Sequence[Stage], chosen: Sequence[Stage], done: dict[str, Manifest], report: Report
+) -> None:
+    """Run stages in order; `done` takes the manifest of each."""
     with only_run(run.out):
         capture = run.capture or recorded_capture(run.out)
         _record(run, capture)
-        hasher = Hasher(run.out / ".hashes.json")
+        hasher = Hasher(run.out / _HASHES)
         try:
             for number, stage in enumerate(chosen, 1):
                 fields = wire(stage, stages, run.out, capture, run.pipeline.seed)
@@ -191,7 +210,15 @@ def run_pipeline(run: Run, stages: Sequence[Stage], report: Report = _silent) ->
                 done[stage.name] = run_job(job, hasher, run.force, _counted(report, number, len(chosen)))
         finally:
             hasher.remember()
-    return done
+
+
+def _remove_bare(out: Path) -> None:
+    """Remove a run folder that holds no work: nothing but what every run notes first."""
+    notes = (out / RUN_NAME, out / _HASHES)
+    if out.is_dir() and not set(out.iterdir()) - set(notes):
+        for note in notes:
+            note.unlink(missing_ok=True)
+        out.rmdir()
 
 
 def _counted(report: Report, number: int, count: int) -> Report:

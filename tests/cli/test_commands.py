@@ -259,3 +259,14 @@ def test_a_failure_is_one_line_and_leaves_nothing(run_folder: Path, label: str, 
 def test_a_bug_is_not_hidden(run_folder: Path) -> None:
     result = fake(run_folder, "--label", "bug")
     assert isinstance(result.exception, RuntimeError)
+
+
+def test_inspect_of_a_binary_file_is_one_short_line(tmp_path: Path) -> None:
+    path = tmp_path / "photo.bin"
+    path.write_bytes(bytes(range(256)) * 4000)
+    for name in (path, path.rename(tmp_path / "photo.json")):
+        path.write_bytes(bytes(range(256)) * 4000)
+        result = CliRunner().invoke(cli, ["inspect", str(name)])
+        assert result.exit_code == 1
+        assert len(result.output) < 600
+        assert name.name in result.output

@@ -425,3 +425,19 @@ def test_a_killed_run_leaves_no_lock_and_no_result(tmp_path: Path) -> None:
         assert list(folder.iterdir()) == []
         (folder / "whole.txt").write_text("whole")
     assert [path.name for path in (tmp_path / "layers").iterdir()] == ["whole.txt"]
+
+
+def test_a_wrong_capture_leaves_no_run_folder_behind(tmp_path: Path, capture: Path) -> None:
+    out = tmp_path / "out"
+    for wrong in (tmp_path / "nowhere", capture / "words.txt"):
+        with pytest.raises(MissingFileError, match="there is no capture folder"):
+            go(out, wrong)
+        assert not out.exists()
+    (capture / "words.txt").write_text("")
+    with pytest.raises(CaptureError, match="no words"):
+        go(out, capture)
+    assert not out.exists()
+    out.mkdir()
+    with pytest.raises(CaptureError, match="no words"):
+        go(out, capture)
+    assert out.is_dir()  # it was there before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,7 @@ def write_report(
     surfaces: Sequence[SurfacePictures] = (),
     errors: Sequence[ErrorPictures] = (),
 ) -> None:
-    """Write ``report.html``: one file without scripts that loads nothing from anywhere."""
+    """Write ``report.html``: one file that loads nothing from anywhere; its one script enlarges pictures."""
     path.write_text(render_page(metrics, pictures, sources, surfaces, errors), encoding="utf-8")
 
 
@@ -69,9 +70,10 @@ def render_page(
     known = judged(metrics)
     depth = any(scores.depth_rmse is not None for scores in known.renderers.values())
     rows = _rows(metrics, depth)
-    template = environment.from_string(
-        resources.files("ibrpipe.evaluation.report").joinpath("template.html").read_text(encoding="utf-8")
-    )
+    if not words.view_dependence(metrics):  # the renders are the diffuse colours
+        rows = [row for row in rows if row["name"] != "diffuse"]
+        pictures = [_without_diffuse(view) for view in pictures]
+    template = environment.from_string(_resource("template.html"))
     return template.render(
         metrics=metrics,
         sources=sources,
@@ -89,6 +91,7 @@ def render_page(
         seconds=_bars(metrics.seconds),
         total_seconds=sum(metrics.seconds.values()),
         heat=_gradient(heat_colors()),
+        script=Markup(_resource("enlarge.js")),
         surfaces=surfaces,
         errors=errors,
         worst_codes=WORST_CODES,
@@ -102,6 +105,14 @@ def render_page(
         uncovered="rgb({}, {}, {})".format(*UNCOVERED),
         gain=GAIN,
     )
+
+
+def _resource(name: str) -> str:
+    return resources.files("ibrpipe.evaluation.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _without_diffuse(view: ViewPictures) -> ViewPictures:
+    return replace(view, columns=tuple(column for column in view.columns if column.name != "diffuse"))
 
 
 def _parts(metrics: MetricsModel) -> dict[str, int]:

@@ -15,6 +15,8 @@ from ibrpipe.io.views import ViewSet
 
 #: warnings in the head of the page
 WARNINGS = 4
+#: names of capture folders that do not tell what is shown
+_SAY_NOTHING = ("capture", "captures", "photos", "images", "data")
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class ReportSources:
     Attributes
     ----------
     name : str
-        Name of the capture folder.
+        Of the capture folder, or of the folder around it where it is called no more than "capture".
     train, test : int
         Number of photos used and held out.
     size : (int, int)
@@ -81,7 +83,7 @@ def read_sources(views: ViewSet, plan: Path | None, audit: Path | None, geometry
         surface = made.coverage
     first = (views.train + views.test)[0].camera
     return ReportSources(
-        name=Path(capture).name or "capture",
+        name=_title(capture),
         train=len(views.train),
         test=len(views.test),
         size=(first.width, first.height),
@@ -91,6 +93,12 @@ def read_sources(views: ViewSet, plan: Path | None, audit: Path | None, geometry
         geometry=None if made is None or made.decision == "given" else made,
         geometry_memory_bytes=None if manifest is None else manifest.peak_memory_bytes,
     )
+
+
+def _title(capture: str) -> str:
+    """Return what a capture is called: its folder's name, or that of a folder around it where it says nothing."""
+    named = [name for name in reversed(Path(capture).parts) if name.strip("/\\.")]
+    return next((name for name in named if name.lower() not in _SAY_NOTHING), named[0] if named else "untitled capture")
 
 
 def _there(path: Path | None) -> TypeGuard[Path]:
