@@ -113,10 +113,10 @@ def test_the_view_independent_picture_comes_first(tint):
 
 
 def test_inspect_names_it(tint, tmp_path):
-    from ibrpipe.cli.inspect import command
+    from ibrpipe.cli.main import cli
 
     written(tmp_path / "asset", Texture(layers(), (spiral(), tint.Tint(0.5))))
-    result = CliRunner().invoke(command, [str(tmp_path / "asset"), "--json"])
+    result = CliRunner().invoke(cli, ["inspect", str(tmp_path / "asset"), "--json"])
     facts = json.loads(result.stdout)
     assert facts["textures"]["texture_00"]["view_dependence"] == "spiral, tint"
     assert set(facts["view_dependence_bytes"]) == {"spiral", "tint"}
