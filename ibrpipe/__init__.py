@@ -96,6 +96,7 @@ __all__ = [
     "ViewDependence",
     "__version__",
     "composite",
+    "export",
     "prepare",
     "prerender",
     "read_asset",
@@ -115,8 +116,8 @@ def __getattr__(name: str) -> Any:
     """Import a public name on first use, so that ``import ibrpipe`` and ``ibrpipe --help`` stay instant."""
     from importlib import import_module
 
-    if name == "renderers":  # the package itself, which can be called
-        return import_module("ibrpipe.renderers")
+    if name in ("export", "renderers"):  # packages that can be called
+        return import_module(f"ibrpipe.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'ibrpipe' has no attribute {name!r}")
     value = getattr(import_module(f"ibrpipe.{_HOME[name]}"), name)

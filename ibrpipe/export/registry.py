@@ -14,6 +14,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Literal
 
+from ibrpipe.config import StageConfig
 from ibrpipe.errors import ConfigError, closest
 
 GROUP = "ibrpipe.exporters"
@@ -31,21 +32,27 @@ class Exporter:
         One sentence.
     write : callable
         ``write(source, target)``: read the asset folder `source`, write the file or folder `target`, whole or not at
-        all.
+        all. It may return a line to be told.
     suffixes : tuple of str
         Endings of files by which the form is chosen, such as ``.glb``; empty = it is a folder.
-    takes : "asset" or "scene"
-        What `source` is: an asset folder, or what `ibrpipe.read_scene` reads.
+    takes : "asset", "run" or "scene"
+        What `source` is: an asset folder, a run folder, or what `ibrpipe.read_scene` reads.
     takes_notes : bool
         `write` takes a third argument: a YAML file of words to go with the asset.
+    Options : model of settings, or None
+        `write` takes a third argument: settings of this model.
+    folders : tuple of str
+        Names of folders by which the form is chosen, such as ``colmap``.
     """
 
     name: str
     summary: str
-    write: Callable[..., None]
+    write: Callable[..., str | None]
     suffixes: tuple[str, ...] = ()
-    takes: Literal["asset", "scene"] = "asset"
+    takes: Literal["asset", "run", "scene"] = "asset"
     takes_notes: bool = False
+    Options: type[StageConfig] | None = None
+    folders: tuple[str, ...] = ()
 
 
 _known: dict[str, str | Exporter] = {}
@@ -66,9 +73,14 @@ def register(name: str, exporter: str | Exporter) -> None:
     _known[name] = exporter
 
 
+register("colmap", "ibrpipe.export.colmap:EXPORTER")
 register("deep-exr", "ibrpipe.export.deep_exr:EXPORTER")
+register("glb", "ibrpipe.export.glb:EXPORTER")
 register("impostors", "ibrpipe.export.impostors:EXPORTER")
+register("obj", "ibrpipe.export.obj:EXPORTER")
 register("page", "ibrpipe.export.page.exporter:EXPORTER")
+register("ply", "ibrpipe.export.ply:EXPORTER")
+register("transforms", "ibrpipe.export.transforms:EXPORTER")
 
 
 def known_exporters() -> tuple[str, ...]:
@@ -110,9 +122,9 @@ def exporter_for(target: Path, name: str | None) -> Exporter:
     """
     if name is not None:
         return find_exporter(name)
-    for each in known_exporters():
-        if target.suffix and target.suffix.lower() in find_exporter(each).suffixes:
-            return find_exporter(each)
+    for found in map(find_exporter, known_exporters()):
+        if (target.suffix and target.suffix.lower() in found.suffixes) or target.name in found.folders:
+            return found
     raise ConfigError(f"{target}: its name does not say its form; give --format {'|'.join(known_exporters())}")
 
 

@@ -156,6 +156,20 @@ def write_exr(path: Path, channels: Mapping[str, Array] | Array, half: bool = Fa
     _write(path, stack, attributes, list(channels), "half" if half else "float")
 
 
+def write_hdr(path: Path, linear: Array) -> None:
+    """Write linear Rec.709 light (H, W, 3) as a Radiance HDR file.
+
+    Parameters
+    ----------
+    path : Path
+        Ends in .hdr.
+    linear : (H, W, 3) float
+        0 and more.
+    """
+    _check_picture(linear)
+    _write(path, np.asarray(linear, np.float32), {"oiio:ColorSpace": LINEAR}, ["R", "G", "B"], "float")
+
+
 def _colour_channels(names: tuple[str, ...]) -> list[str]:
     """Names of the grey or RGB channels, then A where present; the first channel if nothing is called so."""
     colours = ["R", "G", "B"] if {"R", "G", "B"} <= set(names) else [("Y" if "Y" in names else names[0])]

@@ -1,0 +1,1 @@
+"""Assets as ordinary triangle meshes with an atlas of colours, for glTF, OBJ and PLY."""
