@@ -62,7 +62,7 @@ def test_an_earlier_export_is_replaced_and_nothing_else(run: Path) -> None:
     ("arguments", "told"),
     [
         (["none", "x", "--format", "deep-exr"], "asset.json: no such file"),
-        (["none", "x"], "its name does not say its form; give --format deep-exr"),
+        (["none", "x"], "its name does not say its form; give --format colmap|deep-exr"),
         (["none", "x", "--format", "deep"], 'there is no exporter "deep"'),
     ],
 )

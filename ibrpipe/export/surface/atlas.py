@@ -8,7 +8,7 @@ import numpy as np
 
 from ibrpipe.core.color import srgb_encode, to_bytes
 from ibrpipe.export.surface.charts import Chart
-from ibrpipe.io.layer_pictures.atlas import place
+from ibrpipe.io.layer_pictures.atlas import pack
 from ibrpipe.types import Array
 
 #: texels around every chart that carry its colours on, so that filters meet no others
@@ -27,7 +27,7 @@ class Atlas:
         self._charts = charts
         sizes = [(chart.box[3] + 2 * PADDING, chart.box[2] + 2 * PADDING) for chart in charts]
         order = sorted(range(len(sizes)), key=lambda index: (-sizes[index][0], -sizes[index][1], index))
-        corners, self.shape = place([sizes[index] for index in order])
+        corners, self.shape = pack([sizes[index] for index in order])
         self._corners = dict(zip(order, corners, strict=True))
 
     def coordinates(self, index: int, texels: Array) -> Array:
