@@ -9,11 +9,12 @@ from typing import Any
 
 import click
 
+from ibrpipe.capture.pipeline_choice import check_capture, choose_pipeline
 from ibrpipe.cli.options import dask_option, example, json_option, workers_option
 from ibrpipe.cli.show import display, duration, told
 from ibrpipe.engine.artifacts import products
 from ibrpipe.engine.executor import executor
-from ibrpipe.engine.pipeline_file import Pipeline, load_pipeline
+from ibrpipe.engine.pipeline_file import Pipeline, load_pipeline, packaged_pipelines
 from ibrpipe.engine.runner import Run, run_pipeline
 from ibrpipe.errors import ConfigError
 from ibrpipe.evaluation.metrics import read_metrics
@@ -26,11 +27,12 @@ _PATH = click.Path(path_type=Path)
 @click.command(
     name="run",
     epilog=example(
+        "ibrpipe run photos-of-vase --out out",
         "ibrpipe run pipelines/mesh.yaml --capture photos --out out",
         "ibrpipe run mesh --out out --from residuals --set residuals.k=0.0625",
     ),
 )
-@click.argument("pipeline", type=_PATH)
+@click.argument("what", metavar="CAPTURE|PIPELINE")
 @click.option("--capture", type=_PATH, metavar="DIR", help="Capture folder; needed the first time.")
 @click.option("--out", type=_PATH, metavar="DIR", default="out", show_default=True, help="Run folder.")
 @click.option("--set", "changes", multiple=True, metavar="STAGE.KEY=VALUE", help="Replace a setting; may be repeated.")
@@ -42,7 +44,7 @@ _PATH = click.Path(path_type=Path)
 @click.pass_context
 def command(
     ctx: click.Context,
-    pipeline: Path,
+    what: str,
     capture: Path | None,
     out: Path,
     changes: tuple[str, ...],
@@ -51,10 +53,18 @@ def command(
     force: bool,
     **shared: Any,
 ) -> None:
-    """Run PIPELINE, a file or the name of one that comes with ibrpipe.
+    """Run a pipeline on the photos of CAPTURE, a folder: photos, calibrated or mesh, by what the folder holds.
+
+    Or run PIPELINE, a file or the name of one that comes with ibrpipe, on the folder that --capture names. A name of a
+    pipeline comes before a folder of that name: write ./mesh for the folder.
 
     Stages whose settings, inputs and code have not changed are skipped, so a run that was stopped goes on where it was.
     """
+    pipeline = Path(what)
+    if capture is None and _is_capture(what):
+        pipeline, capture = _chosen(Path(what), changes), Path(what)
+    if capture is not None:
+        check_capture(capture)
     loaded = _loaded(pipeline, changes)
     run = Run(loaded, out, capture, first, last, force)
     done = run_shown(run, shared["workers"], shared["dask"])
@@ -71,6 +81,19 @@ def command(
 
 
 command.params += [workers_option, dask_option, json_option]
+
+
+def _is_capture(what: str) -> bool:
+    """Say whether a folder is meant; a file, and a bare name of a pipeline that comes with ibrpipe, are pipelines."""
+    return Path(what).is_dir() and what not in packaged_pipelines()
+
+
+def _chosen(capture: Path, changes: tuple[str, ...]) -> Path:
+    """Return the name of the pipeline for a capture, and tell it on stderr."""
+    ingest: Any = _loaded(Path("photos"), changes).configs["ingest"]
+    name, why = choose_pipeline(capture, ingest.allow_outside)
+    click.echo(f"{capture}: {why}: pipeline {name}", err=True)
+    return Path(name)
 
 
 def _loaded(path: Path, changes: tuple[str, ...]) -> Pipeline:

@@ -79,7 +79,7 @@ def test_stage_summaries_are_the_ones_listed() -> None:
     ("args", "message"),
     [
         (["ingset"], 'did you mean "ingest"'),
-        (["run"], "Missing argument 'PIPELINE'"),
+        (["run"], "Missing argument 'CAPTURE|PIPELINE'"),
         (["run", "mesh", "--from", "plann"], "is not one of"),
         (["run", "mesh", "--set", "ingest"], "expected stage.key=value"),
         (["run", "mesh", "--set", "ingest.exposur=csv"], 'did you mean "exposure"'),
