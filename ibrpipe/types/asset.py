@@ -26,6 +26,10 @@ class Asset:
     textures: tuple[Texture, ...]
     info: Mapping[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Return the number of textures and the kinds of view dependence; arrays are left out."""
+        return f"Asset({len(self.textures)} textures, view dependence: {', '.join(self.kinds) or 'none'})"
+
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds of view dependence that some texture has, in the order in which they are met."""
@@ -65,3 +69,10 @@ class Frame:
     depth: Array | None
     alpha: Array | None
     stats: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return the size and which arrays there are; their values are left out."""
+        arrays = {"color": self.color, "depth": self.depth, "alpha": self.alpha}
+        there = {name: array for name, array in arrays.items() if array is not None}
+        size = "".join(f"{array.shape[1]} x {array.shape[0]}: " for array in [*there.values()][:1])
+        return f"Frame({size}{', '.join(there) or 'empty'})"
