@@ -18,11 +18,14 @@ from ibrpipe.io.documents.impostors import Impostors, ImpostorView
 from ibrpipe.io.manifest import write_text
 from ibrpipe.io.photos.images import write_exr, write_png
 from ibrpipe.io.scenes import read_scene
-from ibrpipe.types import Array, Mesh, PaintedMesh, Scene
+from ibrpipe.synthetic.instanced.pieces import joined
+from ibrpipe.types import Array, PaintedMesh, Scene
 
 INDEX = "impostors.json"
 #: cells along a side of the octahedral map, texels along a side of a cell, rays along a side of a texel
 GRID, TEXELS, RAYS = 8, 128, 3
+#: triangles of a part at the most, its copies taken apart
+MOST_POLYGONS = 4_000_000
 _SIDES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
 
 
@@ -44,7 +47,7 @@ def write(source: Path, target: Path) -> None:
     Raises
     ------
     ConfigError
-        None of them has meshes.
+        None of them has meshes, or one has more than `MOST_POLYGONS`.
     ResourceError
         A file cannot be written.
     """
@@ -53,9 +56,15 @@ def write(source: Path, target: Path) -> None:
     shown = [name for name in names if scene.polygons[name]]
     if not shown:
         raise ConfigError(f"{source}: what its root holds has no meshes, so there are no impostors to make")
+    for name in shown:
+        if scene.polygons[name] > MOST_POLYGONS:
+            raise ConfigError(
+                f"{source}: part {name!r} has {scene.polygons[name]:,} polygons with its copies; impostors are made of "
+                f"at most {MOST_POLYGONS:,}; let the root hold copies of smaller parts"
+            )
     try:
-        for name in shown:
-            folder = target / re.sub(r"[^A-Za-z0-9._-]+", "-", name)
+        for name, plain in zip(shown, folder_names(shown), strict=True):
+            folder = target / plain
             folder.mkdir(parents=True, exist_ok=True)
             write_atlas(scene, name, folder)
     except OSError as error:
@@ -64,11 +73,24 @@ def write(source: Path, target: Path) -> None:
         raise ResourceError(f"{target}: cannot write: {error.strerror or error}") from error
 
 
+def folder_names(parts: list[str]) -> list[str]:
+    """Return names of folders, one for every part: plain letters, no leading dot, none twice (capitals aside)."""
+    found: dict[str, str] = {}
+    for part in parts:
+        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", part).lstrip(".").strip("-")[:80].rstrip(".") or "part"
+        name, number = plain, 1
+        while name.lower() in found:
+            number += 1
+            name = f"{plain}-{number}"
+        found[name.lower()] = name
+    return list(found.values())
+
+
 def write_atlas(
     scene: Scene, name: str, folder: Path, grid: int = GRID, texels: int = TEXELS, rays: int = RAYS
 ) -> Impostors:
     """Write the atlas of one part; see `Impostors`. ``impostors.json`` is written last."""
-    painted = _joined(scene.flattened(name))
+    painted = joined(scene.flattened(name))
     bounds = 0.5 * (painted.mesh.vertices.min(axis=0) + painted.mesh.vertices.max(axis=0))
     radius = float(np.linalg.norm(painted.mesh.vertices - bounds, axis=1).max()) or 1.0
     axes = view_axes(np.concatenate([octahedral_directions(grid), _SIDES]))
@@ -142,13 +164,6 @@ def cast_view(
         (turned / np.where(length > 0, length, 1.0)).astype(np.float32),
         depth.astype(np.float32),
     )
-
-
-def _joined(pieces: list[PaintedMesh]) -> PaintedMesh:
-    starts = np.cumsum([0, *(len(each.mesh.vertices) for each in pieces)])
-    faces = np.concatenate([each.mesh.faces + start for each, start in zip(pieces, starts)])
-    mesh = Mesh(np.concatenate([each.mesh.vertices for each in pieces]), faces)
-    return PaintedMesh(mesh, np.concatenate([each.color for each in pieces]))
 
 
 EXPORTER = Exporter(

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import ibrpipe
 from ibrpipe.cli.main import cli
-from ibrpipe.export.impostors import held_parts, octahedral_directions, view_axes, write_atlas
+from ibrpipe.export.impostors import folder_names, held_parts, octahedral_directions, view_axes, write_atlas
 from ibrpipe.io.photos.images import read_depth, read_image
 from ibrpipe.synthetic.instanced.forest import forest
 from ibrpipe.synthetic.instanced.pieces import painted_box, placed
@@ -91,3 +91,39 @@ def test_groves_are_taken_apart_into_trees():
     assert sorted(set(held_parts(scene, scene.root))) == ["maple-tree", "oak-tree"]
     small = solids()
     assert held_parts(small, small.root) == ["wall", "ball"]
+
+
+def test_folders_lie_inside_and_no_two_parts_share_one():
+    assert folder_names(["..", ".", "木", "森", "oak 1", "oak-1", "Oak 1", "oak", ".git"]) == [
+        "part", "part-2", "part-3", "part-4", "oak-1", "oak-1-2", "Oak-1-3", "oak", "git",
+    ]  # fmt: skip
+
+
+def test_parts_of_odd_names_stay_in_the_target(tmp_path):
+    box = (painted_box((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5)),)
+    held = [Part("..", box), Part("木", box), Part("森", box)]
+    root = Part("root", children=tuple(Instances(part.name, np.eye(4)) for part in held))
+    ibrpipe.write_scene(Scene([*held, root], "root"), tmp_path / "scene")
+    args = ["export", str(tmp_path / "scene"), str(tmp_path / "out" / "atlases"), "--format", "impostors"]
+    result = CliRunner().invoke(cli, args)
+    assert result.exit_code == 0, result.output
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["atlases"]
+    found = {
+        path.parent.name: json.loads(path.read_text())["part"]
+        for path in (tmp_path / "out" / "atlases").glob("*/impostors.json")
+    }
+    assert found == {"part": "..", "part-2": "木", "part-3": "森"}
+
+
+def test_parts_of_too_many_polygons_are_refused_before_anything_is_written(tmp_path):
+    box = (painted_box((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5)),)
+    parts, ten = [Part("0", box)], np.tile(np.eye(4), (10, 1, 1))
+    parts += [Part(str(n + 1), box, children=(Instances(str(n), ten),)) for n in range(9)]
+    ibrpipe.write_scene(Scene(parts, "9"), tmp_path / "scene")
+    args = ["export", str(tmp_path / "scene"), str(tmp_path / "out"), "--format", "impostors"]
+    result = CliRunner().invoke(cli, args)
+    assert result.exit_code == 1
+    assert "part '8' has 1,333,333,332 polygons with its copies; impostors are made of at most 4,000,000" in (
+        result.stderr
+    )
+    assert not (tmp_path / "out").exists()
