@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ from ibrpipe.types import Asset, Instances, LayeredDepthImage, Part, ReliefTextu
 from ibrpipe.types.parts import Captured
 from ibrpipe.version import VERSION
 
+#: what `write_scene` calls its files and folders; others in scene.yaml were put there by hand
+_WRITTEN = re.compile(r"(meshes|matrices|assets|reliefs)/\d{3,}-[^/]+")
 #: copies of one part that stand in scene.yaml itself
 FEW = 12
 
@@ -139,8 +142,13 @@ def _own_files(folder: Path) -> set[str]:
         return set()
     found = {NAME}
     for part in read_document(folder / NAME)[0].parts.values():
-        found |= {mesh.file for mesh in part.meshes}
-        found |= {copies.matrices for copies in part.children if copies.matrices is not None}
-        found |= {f"{asset}/{file}" for asset in part.assets for file in listed_files(folder / asset)}
-        found |= {f"{relief.folder}/{file}" for relief in part.reliefs for file in ("height.npy", "color.exr")}
+        found |= _written(mesh.file for mesh in part.meshes)
+        found |= _written(copies.matrices for copies in part.children if copies.matrices is not None)
+        found |= {f"{asset}/{file}" for asset in _written(part.assets) for file in listed_files(folder / asset)}
+        reliefs = _written(relief.folder for relief in part.reliefs)
+        found |= {f"{relief}/{file}" for relief in reliefs for file in ("height.npy", "color.exr")}
     return found
+
+
+def _written(names: Iterable[str]) -> set[str]:
+    return {name for name in names if _WRITTEN.fullmatch(name)}

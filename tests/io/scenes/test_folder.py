@@ -88,6 +88,17 @@ def test_a_new_scene_takes_the_place_of_the_old_and_leaves_what_users_put_there(
     assert left == {"scene.yaml", "note.txt", "000-wall-0.ply", "001-ball-0.ply"}
 
 
+def test_meshes_that_users_named_in_a_written_scene_stay(tmp_path):
+    ibrpipe.write_scene(solids(), tmp_path / "scene")
+    content = yaml.safe_load((tmp_path / "scene" / "scene.yaml").read_text())
+    write_mesh(TRIANGLE, tmp_path / "scene" / "meshes" / "mine.ply")
+    content["parts"]["ball"]["meshes"].append({"file": "meshes/mine.ply"})
+    (tmp_path / "scene" / "scene.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
+    ibrpipe.write_scene(ibrpipe.read_scene(tmp_path / "scene"), tmp_path / "scene")
+    left = {path.name for path in (tmp_path / "scene").rglob("*.ply")}
+    assert left == {"mine.ply", "000-wall-0.ply", "001-ball-0.ply", "001-ball-1.ply"}
+
+
 def test_scenes_made_by_hand_are_not_written_over(tmp_path):
     write(tmp_path, {"root": "a", "parts": {"a": {}}})
     with pytest.raises(ResourceError, match="holds files but no scene that ibrpipe wrote; name another folder"):
