@@ -206,14 +206,33 @@ def resolve_pixel(j, i, left, top, samples, triangles, solid, partial, work):
 
 
 @helper
+def move_forward(count, at, listed, places):
+    # fragment `at` changes places with the farther ones of its pixel among the first `count`, whose places ascend
+    low, high = 0, count
+    while low < high:
+        middle = (low + high) // 2
+        if places[middle] <= places[at]:
+            low = middle + 1
+        else:
+            high = middle
+    n = low - 1
+    while n >= 0 and places[n] == places[at] and listed[n, 4] > listed[at, 4]:
+        for c in range(5):
+            listed[n, c], listed[at, c] = listed[at, c], listed[n, c]
+        at = n
+        n -= 1
+
+
+@helper
 def add_captured(left, top, right, bottom, captured, solid, partial, state):
     # what other renderers drew: color (H, W, 3), alpha, depth (H, W) f32, or empty arrays. Pixels that it covers wholly
-    # go to limit, back, others to listed, places as in resolve_pixel
+    # go to limit, back, others to listed, places as in resolve_pixel, before what is farther of the same pixel
     color, alpha, depth = captured
     limit, back = solid
     listed, places = partial
     if alpha.size == 0:
         return
+    count = state[0]
     for y in range(top, bottom):
         for x in range(left, right):
             p = (y - top) * TILE + x - left
@@ -227,6 +246,7 @@ def add_captured(left, top, right, bottom, captured, solid, partial, state):
                     for c in range(3):
                         listed[at, c] = color[y, x, c]
                     listed[at, 3], listed[at, 4], places[at] = alpha[y, x], depth[y, x], p
+                    move_forward(count, at, listed, places)
                     state[0] += 1
 
 

@@ -201,6 +201,28 @@ def test_what_other_renderers_drew_is_put_between_by_depth_and_coverage():
     np.testing.assert_allclose(alone[2], np.where(alpha > 0, depth, np.inf), rtol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("order", "wanted"),
+    [((1.0, 4.0), (0.5, 0.125, 0)), ((6.0, 4.0), (0.375, 0.25, 0))],
+    ids=["captured before", "captured behind"],
+)
+def test_captured_fragments_stand_among_partial_triangles_by_depth(order, wanted):
+    near, middle = order
+    pixel = np.array([(20.0, 20.0), (20.5, 20.0), (20.5, 20.5), (20.0, 20.5)])  # a quarter of pixel (20, 20)
+    corners = np.array([((x - K[0, 2]) / K[0, 0], (y - K[1, 2]) / K[1, 1], 1) for x, y in pixel]) * middle
+    numbers, boxes = np.empty((2, 21), np.float32), np.empty((2, 4), np.int64)
+    triangles.emit_triangles(
+        np.array([[0, 0, 2, 0, 1]]), np.eye(4)[:3].reshape(1, 12), corners[[[0, 1, 2], [0, 2, 3]]].astype(np.float32),
+        np.tile(np.float32([0, 1, 0]), (2, 3, 1)), np.zeros((1, 2)), (K, np.array([WIDTH, HEIGHT, 0.01])),
+        np.zeros((0, 3)), np.ones((1, 3)), numbers, boxes,
+    )  # fmt: skip
+    color = np.tile(np.float32([1, 0, 0]), (HEIGHT, WIDTH, 1))
+    captured = (color, np.full((HEIGHT, WIDTH), 0.5, np.float32), np.full((HEIGHT, WIDTH), near, np.float32))
+    nothing = (*(each[:0] for each in random_slices(1, 0)[:3]), np.zeros(4, np.uint32))
+    found, cover, _ = draw(nothing, (numbers, boxes), captured=captured)
+    np.testing.assert_allclose(found[20, 20] * cover[20, 20], wanted, atol=1e-5)
+
+
 @pytest.mark.parametrize("groups", [1, 3])
 def test_how_tiles_are_dealt_changes_nothing(groups):
     slices, faces = random_slices(8, 4), random_triangles(6, 5)
