@@ -6,17 +6,17 @@ order of the slabs.
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from ibrpipe.core.hierarchy.prefilter import TEXEL
-from ibrpipe.errors import FormatError, MissingFileError, ResourceError
+from ibrpipe.errors import FormatError, ResourceError
 from ibrpipe.io.documents.prerendered import PartSlices, PrerenderedFile
 from ibrpipe.io.manifest import write_text
 from ibrpipe.io.photos.image_files import read_stored
+from ibrpipe.io.untrusted.arrays import load_npz
+from ibrpipe.io.untrusted.boundary import told
 from ibrpipe.types import Array
 from ibrpipe.types.prerendered import FIRST, HEIGHT, NODE, WIDTH, Prerendered, view_axes
 
@@ -120,13 +120,9 @@ def _read_picture(path: Path, count: int) -> Array:
 
 
 def _read_slabs(path: Path) -> tuple[Array, Array, Array, Array]:
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            stacks, slabs, heights, means = (archive[name] for name in ("stacks", "slabs", "heights", "means"))
-    except FileNotFoundError as error:
-        raise MissingFileError(f"{path}: no such file; prerender the scene again") from error
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise FormatError(f"{path}: damaged ({type(error).__name__}); prerender the scene again") from error
+    archive = load_npz(path, "prerender the scene again", "damaged")
+    with told(path, "prerender the scene again"):
+        stacks, slabs, heights, means = (archive[name] for name in ("stacks", "slabs", "heights", "means"))
     return stacks, slabs, heights, means
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -78,3 +79,38 @@ def test_counts_of_the_document_are_checked(folder):
         (folder / NAME).write_text(json.dumps(document | {key: value}))
         with pytest.raises(FormatError):
             read_prerendered(folder)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("resolutions", [0, 4, 8], "greater than or equal to 1"),
+        ("resolutions", [2, 4, 8192], "less than or equal to 4096"),
+        ("resolutions", [4, 2, 8], "do not ascend"),
+        ("resolutions", [], "at least 1 item"),
+        ("directions", 10**12, "less than or equal to 65536"),
+    ],
+)
+def test_numbers_of_the_document_have_bounds(folder, key, value, message):
+    document = json.loads((folder / NAME).read_text())
+    (folder / NAME).write_text(json.dumps(document | {key: value}))
+    with pytest.raises(FormatError, match=f"{NAME}.*{message}"):
+        read_prerendered(folder)
+
+
+def test_names_of_parts_differ(folder):
+    document = json.loads((folder / NAME).read_text())
+    document["parts"][1]["name"] = document["parts"][0]["name"]
+    (folder / NAME).write_text(json.dumps(document))
+    with pytest.raises(FormatError, match="two parts have one name"):
+        read_prerendered(folder)
+
+
+def test_an_archive_that_claims_more_than_it_holds_is_told(folder):
+    header = b"{'descr': '<i8', 'fortran_order': False, 'shape': (100000000000, 7), }"
+    header += b" " * (117 - len(header)) + b"\n"
+    with zipfile.ZipFile(folder / SLABS, "w") as archive:
+        for name in ("stacks", "slabs", "heights", "means"):
+            archive.writestr(f"{name}.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
+    with pytest.raises(FormatError, match=f"{SLABS}.*prerender the scene again"):
+        read_prerendered(folder)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ibrpipe.config import Document, Share
 
@@ -27,10 +27,21 @@ class PrerenderedFile(Document):
 
     schema_version: Literal[1] = 1
     parts: list[PartSlices] = Field(description="In the order of their stacks")
-    resolutions: list[int] = Field(description="Texels across a part's sphere, ascending")
-    directions: int = Field(ge=1, description="Views over the sphere; 6 = those of max1999, else a spiral")
+    resolutions: list[Annotated[int, Field(ge=1, le=4096)]] = Field(
+        min_length=1, description="Texels across a part's sphere, ascending"
+    )
+    directions: int = Field(ge=1, le=65536, description="Views over the sphere; 6 = those of max1999, else a spiral")
     scale: float = Field(gt=0, description="Albedo of code 255")
     texels: int = Field(ge=0, description="Texels in the picture; what is left of its last row is 0")
     slabs: int = Field(ge=0, description="Slabs in slabs.npz")
     seconds: float = Field(ge=0, description="Time to make the slices, s")
     file_bytes: int = Field(ge=0, description="Bytes of the picture and the slabs' file")
+
+    @model_validator(mode="after")
+    def _sound(self) -> Self:
+        if any(low >= high for low, high in zip(self.resolutions, self.resolutions[1:])):
+            raise ValueError(f"resolutions {self.resolutions} do not ascend")
+        names = [part.name for part in self.parts]
+        if len(set(names)) < len(names):
+            raise ValueError("two parts have one name")
+        return self
