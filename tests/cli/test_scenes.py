@@ -110,6 +110,9 @@ def test_a_scene_is_prerendered_and_rendered_along_an_orbit(tmp_path):
         (["--scene", "scene", "--path", "test"], 1, "a scene has no photos, so no path 'test'; give orbit"),
         (["--scene", "scene", "--path", "orbit:frame=2"], 2, "'frame=2' is not understood"),
         (["--scene", "none"], 1, "there is no such scene"),
+        (["--scene", "scene", "--asset", "a"], 2, "--asset does nothing for a scene; leave out either it or --scene"),
+        (["--scene", "scene", "--views", "v"], 2, "--views does nothing for a scene"),
+        (["--scene", "scene", "--dask", "tcp://h:1"], 2, "--dask does nothing for a scene"),
         (
             ["--scene", "scene", "--slices", "none"],
             1,

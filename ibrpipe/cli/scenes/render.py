@@ -11,6 +11,7 @@ import click
 from ibrpipe.cli.options import PATH, example, given
 from ibrpipe.cli.show import display
 from ibrpipe.cli.stage import stage_command, stage_config
+from ibrpipe.engine.artifacts import input_fields
 from ibrpipe.engine.stage import Stage
 from ibrpipe.stages.registry import load_stage
 
@@ -19,7 +20,11 @@ _USUAL = {"renderers": ["hierarchical"], "path": "orbit", "samples": 1}
 
 
 def _scene_command(stage: Stage, scene: Path, slices: Path | None, values: dict[str, Any]) -> None:
-    asked = given(click.get_current_context(), lambda name: name in stage.config.model_fields)
+    context = click.get_current_context()
+    unused = list(given(context, lambda name: name == "dask" or name in input_fields(stage)))
+    if unused:
+        raise click.UsageError(f"--{unused[0]} does nothing for a scene; leave out either it or --scene")
+    asked = given(context, lambda name: name in stage.config.model_fields)
     config = stage_config(stage, {**_USUAL, **asked})
     frames = _render(scene, slices, values["out"] / stage.folder, config, values["workers"])
     if values["as_json"]:
