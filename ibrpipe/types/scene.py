@@ -133,11 +133,18 @@ class Scene:
 
     def flattened(self, name: str) -> list[PaintedMesh]:
         """Return all meshes of one part with its copies taken apart, captured sources left out."""
-        part, found = self.parts[name], list(self.parts[name].meshes)
-        for copies in part.children:
-            inner = self.flattened(copies.part)
-            found += [_moved(mesh, matrix) for matrix in copies.matrices for mesh in inner]
-        return found
+        wanted = {name}
+        for above in reversed(list(self.parts)):
+            if above in wanted:
+                wanted.update(copies.part for copies in self.parts[above].children)
+        found: dict[str, list[PaintedMesh]] = {}
+        for below in (each for each in self.parts if each in wanted):
+            part = self.parts[below]
+            found[below] = list(part.meshes)
+            for copies in part.children:
+                inner = found[copies.part]
+                found[below] += [_moved(mesh, matrix) for matrix in copies.matrices for mesh in inner]
+        return found[name]
 
 
 def _sorted_parts(named: Mapping[str, Part]) -> dict[str, Part]:
@@ -161,9 +168,10 @@ def _sorted_parts(named: Mapping[str, Part]) -> dict[str, Part]:
 
 
 def _moved_corners(bounds: Bounds, matrices: Array) -> Array:
-    """Corners (8 N, 3) of a box under (N, 4, 4) matrices."""
-    corners = np.stack(np.meshgrid(*zip(bounds.low, bounds.high), indexing="ij"), axis=-1).reshape(8, 3)
-    return (np.einsum("nij,cj->nci", matrices[:, :3, :3], corners) + matrices[:, None, :3, 3]).reshape(-1, 3)
+    """Corners (2, 3), low and high, of the box around a box under (N, 4, 4) matrices."""
+    centers = matrices[:, :3, :3] @ bounds.center + matrices[:, :3, 3]
+    halves = np.abs(matrices[:, :3, :3]) @ (0.5 * (bounds.high - bounds.low))
+    return np.stack([(centers - halves).min(axis=0), (centers + halves).max(axis=0)])
 
 
 def _moved(painted: PaintedMesh, matrix: ArrayLike) -> PaintedMesh:

@@ -151,3 +151,22 @@ def test_uses_count_the_copies_of_all_levels():
     assert small_scene().uses == {"leaf": 6, "twig": 3, "root": 1}
     unused = Scene([Part("a", (triangle(),)), Part("b", children=(Instances("a", np.eye(4)),)), Part("c")], "c")
     assert unused.uses == {"a": 0, "b": 0, "c": 1}
+
+
+def test_bounds_of_turned_boxes_are_those_of_their_corners():
+    rng = np.random.default_rng(4)
+    matrices = np.tile(np.eye(4), (5, 1, 1))
+    matrices[:, :3] = rng.normal(size=(5, 3, 4))
+    scene = Scene([Part("leaf", (triangle(1.0),)), Part("root", children=(Instances("leaf", matrices),))], "root")
+    low, high = scene.bounds["leaf"].low, scene.bounds["leaf"].high
+    corners = np.array([(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    moved = (corners @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]).reshape(-1, 3)
+    np.testing.assert_allclose(scene.bounds["root"].low, moved.min(axis=0))
+    np.testing.assert_allclose(scene.bounds["root"].high, moved.max(axis=0))
+
+
+def test_deep_hierarchies_are_taken_apart():
+    parts = [Part("0", (triangle(),))]
+    parts += [Part(str(n + 1), children=(Instances(str(n), move(0, 0, 1)),)) for n in range(3000)]
+    (flat,) = Scene(parts, "3000").flattened("3000")
+    np.testing.assert_array_equal(flat.mesh.vertices, triangle().mesh.vertices + np.array([0, 0, 3000]))
