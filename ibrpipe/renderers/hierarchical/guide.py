@@ -15,6 +15,8 @@ from ibrpipe.types.prerendered import HEIGHT, WIDTH, Prerendered
 #: relative times of a texel of a slice, a slice, a pixel and a triangle (measured), and how much more polygons may
 #: take, which are exact
 _TEXEL, _SLICE, _PIXEL, _TRIANGLE, _FAVOUR = 5.0, 150.0, 6.0, 150.0, 3.0
+#: polygons of a part up to which slices that were brought are compared with it
+_COMPARED = 250_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,19 @@ def build_guide(nodes: Nodes, library: Prerendered) -> Guide:
         nearest_table(library.axes),
         rows,
     )
+
+
+def changed_part(nodes: Nodes, library: Prerendered) -> str | None:
+    """Name the first part whose sphere is not the library's; None where all are. Parts of millions are not compared."""
+    number = {name: node for node, name in enumerate(nodes.names)}
+    for name, sphere in zip(library.names, library.spheres, strict=True):
+        node = number[name]
+        if nodes.triangles[node] > _COMPARED:
+            continue
+        corners, _ = nodes.flattened(node)
+        if not len(corners) or np.abs(bounding_sphere(corners) - sphere).max() > 1e-4 * sphere[3]:
+            return name
+    return None
 
 
 def _spheres(nodes: Nodes, library: Prerendered, rows: Array) -> Array:

@@ -31,7 +31,7 @@ class Nodes:
     corners, paints : (F, 3, 3) float32
         Corners, in the node's coordinates, and their linear albedo.
     materials : (P, 2) float64
-        Strength and exponent of highlights.
+        Strength and exponent of highlights: those of the shiniest mesh of the node and its copies.
     """
 
     names: tuple[str, ...]
@@ -73,11 +73,25 @@ class Nodes:
 
     def flattened(self, node: int) -> tuple[Array, Array]:
         """Corners (F, 3, 3) float64 and paints (F, 3, 3) float32 of a node with its copies taken apart."""
+        known: dict[int, tuple[Array, Array]] = {}
+        for each in self._below(node):
+            known[each] = self._flat(each, known)
+        return known[node]
+
+    def _below(self, node: int) -> list[int]:
+        """A node and all that it consists of; children stand before parents."""
+        wanted = np.zeros(node + 1, bool)
+        wanted[node] = True
+        for each in range(node, -1, -1):
+            if wanted[each]:
+                wanted[self.children[self.copies[each] : self.copies[each + 1]]] = True
+        return np.flatnonzero(wanted).tolist()
+
+    def _flat(self, node: int, known: dict[int, tuple[Array, Array]]) -> tuple[Array, Array]:
+        """One node, taken apart where its copies are `known` so."""
         own = slice(self.faces[node], self.faces[node + 1])
         corners, paints = [self.corners[own].astype(np.float64)], [self.paints[own]]
-        first, last = int(self.copies[node]), int(self.copies[node + 1])
-        known = {int(child): self.flattened(int(child)) for child in np.unique(self.children[first:last])}
-        for copy in range(first, last):
+        for copy in range(self.copies[node], self.copies[node + 1]):
             inner, painted = known[int(self.children[copy])]
             matrix = self.matrices[copy].reshape(3, 4)
             corners.append(inner @ matrix[:, :3].T + matrix[:, 3])
@@ -103,8 +117,8 @@ def scene_nodes(scene: Scene) -> Nodes:
         corners.extend(mesh.mesh.vertices[mesh.mesh.faces] for mesh in meshes)
         paints.extend(mesh.color[mesh.mesh.faces] for mesh in meshes)
         faces.append(faces[-1] + sum(len(mesh.mesh.faces) for mesh in meshes))
-        shiny = max(meshes, key=lambda mesh: mesh.specular, default=None)
-        materials.append((shiny.specular, shiny.shininess) if shiny else (0.0, 1.0))
+        known = [(mesh.specular, mesh.shininess) for mesh in meshes] + [materials[child] for child, _ in held]
+        materials.append(max(known, key=lambda material: material[0], default=(0.0, 1.0)))
 
     for name in needed:
         part = scene.parts[name]

@@ -12,7 +12,7 @@ from ibrpipe.errors import RendererError
 from ibrpipe.renderers.frames import limited_threads, make_frame
 from ibrpipe.renderers.hierarchical import drawing
 from ibrpipe.renderers.hierarchical.captured import CapturedThing, captured_frame, captured_things
-from ibrpipe.renderers.hierarchical.guide import Guide, build_guide
+from ibrpipe.renderers.hierarchical.guide import Guide, build_guide, changed_part
 from ibrpipe.renderers.hierarchical.nodes import Nodes, scene_nodes
 from ibrpipe.renderers.hierarchical.options import HierarchicalOptions
 from ibrpipe.renderers.hierarchical.orthogonal_views import RESOLUTION, OrthogonalViews, orthogonal_views
@@ -103,13 +103,22 @@ def prepare(sources: tuple[Scene | PrerenderedScene, ...]) -> HierarchicalData:
         raise RendererError(f"renderer 'hierarchical' draws one scene at a time, got {len(sources)}; make one of them")
     scene = sources[0].scene if isinstance(sources[0], PrerenderedScene) else sources[0]
     if len(scene.lighting.lights) > MOST_LIGHTS:
-        raise RendererError(f"the scene has {len(scene.lighting.lights)} lights; at most {MOST_LIGHTS} are drawn")
+        raise RendererError(
+            f"the scene has {len(scene.lighting.lights)} lights; at most {MOST_LIGHTS} are drawn; "
+            "join lights of nearly one direction, or count weak ones as ambient light"
+        )
     nodes = scene_nodes(scene)
     if isinstance(sources[0], PrerenderedScene):
         library = sources[0].library
         foreign = sorted(set(library.names) - set(nodes.names))
         if foreign:
             raise RendererError(f"the slices are of another scene: it has no part {foreign[0]!r}; prerender this one")
+        changed = changed_part(nodes, library)
+        if changed is not None:
+            raise RendererError(
+                f"the slices are of another scene: part {changed!r} is larger, smaller or elsewhere in this one; "
+                "prerender this one"
+            )
     else:
         library = prerender_all(nodes, Slicing())
     return HierarchicalData(nodes, library, build_guide(nodes, library), scene.lighting, captured_things(scene))

@@ -285,3 +285,31 @@ def test_a_box_is_made_of_outward_faces():
     box = painted_box((0, 0, 0), (1, 2, 3), (1, 1, 1)).mesh
     a, b, c = (box.vertices[box.faces[:, n]] for n in range(3))
     assert np.einsum("ni,ni->", a, np.cross(b, c)) / 6 == pytest.approx(6.0)
+
+
+def test_parts_shine_as_the_shiniest_of_their_meshes_and_copies():
+    ball = painted_ball(1.0, (0.2, 0.2, 0.2))
+    shiny = PaintedMesh(ball.mesh, ball.color, 0.6, 40.0)
+    pair = Part("pair", (ball,), children=(Instances("ball", placed((3, 0, 0))),))
+    root = Part("root", children=(Instances("pair", placed((0, 0, 0))),))
+    nodes = scene_nodes(Scene([Part("ball", (shiny,)), pair, root], "root"))
+    found = dict(zip(nodes.names, nodes.materials.tolist(), strict=True))
+    assert found == {"ball": [0.6, 40.0], "pair/own": [0.0, 32.0], "pair": [0.6, 40.0], "root": [0.6, 40.0]}
+
+
+def test_slices_of_other_meshes_are_refused_though_names_fit():
+    slices = prerender_nodes(scene_nodes(ball_scene(placed((0, 0, 0)))), Slicing(6, 6.0, 1, 4))
+    ball = Part("ball", (painted_ball(1.5, (0.6, 0.4, 0.2)),))
+    copies = Instances("ball", np.stack([placed((0, 0, 0)), placed((0, 9, 0))]))
+    other = Scene([ball, Part("root", children=(copies,))], "root")
+    with pytest.raises(RendererError, match="of another scene: part 'ball' is larger, smaller or elsewhere"):
+        ibrpipe.prepare(PrerenderedScene(other, slices), "hierarchical")
+    moved = ball_scene(placed((7, 0, 0)))
+    assert ibrpipe.prepare(PrerenderedScene(moved, slices), "hierarchical").data.library is slices
+
+
+def test_deep_nodes_are_taken_apart():
+    parts = [Part("0", (painted_box((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5)),))]
+    parts += [Part(str(n + 1), children=(Instances(str(n), placed((0, 0, 1))),)) for n in range(2000)]
+    corners, paints = scene_nodes(Scene(parts, "2000")).flattened(2000)
+    assert (len(corners), corners[..., 2].min(), corners[..., 2].max(), len(paints)) == (12, 2000, 2001, 12)
