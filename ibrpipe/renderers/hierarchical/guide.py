@@ -8,15 +8,13 @@ import numpy as np
 
 from ibrpipe.renderers.hierarchical.directions import nearest_table
 from ibrpipe.renderers.hierarchical.nodes import Nodes
-from ibrpipe.renderers.hierarchical.prefiltering import bounding_sphere
+from ibrpipe.renderers.hierarchical.prefiltering import bounding_sphere, is_composed
 from ibrpipe.types import Array
 from ibrpipe.types.prerendered import HEIGHT, WIDTH, Prerendered
 
 #: relative times of a texel of a slice, a slice, a pixel and a triangle (measured), and how much more polygons may
 #: take, which are exact
 _TEXEL, _SLICE, _PIXEL, _TRIANGLE, _FAVOUR = 5.0, 150.0, 6.0, 150.0, 3.0
-#: polygons of a part up to which slices that were brought are compared with it
-_COMPARED = 250_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +59,11 @@ def build_guide(nodes: Nodes, library: Prerendered) -> Guide:
 
 
 def changed_part(nodes: Nodes, library: Prerendered) -> str | None:
-    """Name the first part whose sphere is not the library's; None where all are. Parts of millions are not compared."""
+    """Name the first part whose sphere is not the library's; None where all are. Parts made from copies are not compared."""
     number = {name: node for node, name in enumerate(nodes.names)}
     for name, sphere in zip(library.names, library.spheres, strict=True):
         node = number[name]
-        if nodes.triangles[node] > _COMPARED:
+        if is_composed(nodes, node):
             continue
         corners, _ = nodes.flattened(node)
         if not len(corners) or np.abs(bounding_sphere(corners) - sphere).max() > 1e-4 * sphere[3]:
