@@ -14,12 +14,12 @@ from scipy.sparse.csgraph import connected_components
 from ibrpipe.core.normals import weld
 
 
-def repeated(corners):
-    """(F,) bool: faces (F, 3) of welded vertices whose three corners an earlier face has, wound either way."""
+def spare(corners):
+    """(F,) bool: faces (F, 3) of welded vertices that repeat an earlier one, wound any way, or have equal corners."""
     _, first = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
     out = np.ones(len(corners), bool)
     out[first] = False
-    return out
+    return out | (corners == np.roll(corners, 1, axis=1)).any(axis=1)
 
 
 def shared_edges(corners):
@@ -43,10 +43,10 @@ def shared_edges(corners):
 def patches(vertices, faces):
     """Patches of a mesh: (F,) i64 patch of every face, (F,) bool wound against the most of it, (P,) bool closed.
 
-    Vertices at one place are one. Faces that repeat another have no patch (-1).
+    Vertices at one place are one. Faces that repeat another, or have two corners at one place, have no patch (-1).
     """
     corners = weld(vertices)[faces].astype(np.int64)
-    again, count = repeated(corners), len(faces)
+    again, count = spare(corners), len(faces)
     kept = np.flatnonzero(~again)
     pairs, alike, whole = shared_edges(corners[kept])
     one, two = pairs.T

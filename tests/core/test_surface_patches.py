@@ -119,3 +119,13 @@ def test_faces_that_repeat_another_have_no_patch():
     assert (patch[: len(mesh.faces)] == 0).all()
     assert (patch[len(mesh.faces) :] == -1).all()
     assert closed.tolist() == [False]
+
+
+def test_a_triangle_without_area_opens_no_closed_body():
+    mesh = ball(lobed_ball(1.0, 3, 0.1, 0.8), 12, 8).mesh
+    a, b = mesh.faces[5, :2]
+    faces = np.concatenate([mesh.faces, [[a, b, b], [a, a, a]]])
+    patch, _, closed = patches(mesh.vertices, faces)
+    assert (patch[:-2] == 0).all()
+    assert patch[-2:].tolist() == [-1, -1]
+    assert closed.tolist() == [True]
