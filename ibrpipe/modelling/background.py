@@ -7,7 +7,7 @@ the photos agree best; what lies nearer than the plane shifts against it when th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,8 @@ LEAST = 1e-3
 MOST_TEXELS, PROBED = 4096, 64
 #: photos, evenly spread, that distances are compared with
 PROBING = 12
+#: least share of the most texels that two photos show at any distance, for a distance to be compared
+COMPARED = 0.5
 _CUBE = tuple(sign * np.eye(3)[axis] for axis in range(3) for sign in (1.0, -1.0))
 
 
@@ -39,13 +41,13 @@ class Background:
         One sample a texel, in the frame of a camera amid the photos.
     distance : float
         Of the planes from the middle of the photos, scene units.
-    spread : float
-        Mean absolute deviation of the photos there, display code 0 to 1.
+    spread : float or None
+        Mean absolute deviation of the photos there, display code 0 to 1; None = no two photos show the same of it.
     """
 
     layers: tuple[LayeredDepthImage, ...]
     distance: float
-    spread: float
+    spread: float | None
 
 
 def make_background(photos: PhotoSet, mesh: Mesh) -> Background | None:
@@ -70,10 +72,24 @@ def make_background(photos: PhotoSet, mesh: Mesh) -> Background | None:
     reach = float(np.linalg.norm(mesh.vertices[np.unique(mesh.faces)] - middle, axis=1).max())
     normals = _normals(photos)
     some = photos.subset(spread(range(len(photos.cameras)), PROBING))
-    tried = [(_spread(some, beyond, middle, normals, share * reach), share * reach) for share in TRIED]
-    least, distance = min(tried)
-    layers = tuple(_coloured(photos, beyond, middle, normals, distance))
-    return Background(layers, distance, least)
+    agreed = [_spread(some, beyond, middle, normals, share * reach) for share in TRIED]
+    which = best_distance(agreed)
+    distance = TRIED[which] * reach
+    return Background(tuple(_coloured(photos, beyond, middle, normals, distance)), distance, agreed[which][0])
+
+
+def best_distance(agreed: Sequence[tuple[float | None, int]]) -> int:
+    """Choose the distance at which photos agree best, the farthest of equals; the farthest where none can be compared.
+
+    Parameters
+    ----------
+    agreed : of each distance, ascending, how far photos differ, and in how many texels that two of them show
+    """
+    enough = COMPARED * max(count for _, count in agreed)
+    known = [(n, spread) for n, (spread, count) in enumerate(agreed) if spread is not None and count >= enough]
+    if not known:
+        return len(agreed) - 1
+    return min(known, key=lambda each: (round(each[1], 6), -each[0]))[0]
 
 
 def _normals(photos: PhotoSet) -> list[Array]:
@@ -86,15 +102,17 @@ def _normals(photos: PhotoSet) -> list[Array]:
     return list(_CUBE)
 
 
-def _spread(photos: PhotoSet, beyond: Array, middle: Array, normals: list[Array], distance: float) -> float:
-    """Return how far photos differ at planes of this distance, display code, where two or more see them."""
+def _spread(
+    photos: PhotoSet, beyond: Array, middle: Array, normals: list[Array], distance: float
+) -> tuple[float | None, int]:
+    """Return how far photos differ at planes of this distance, display code, and in how many texels two see them."""
     seen: list[Array] = []
     for frame, placed in _frames(photos, beyond, middle, normals, distance, PROBED):
         points, facing = _points(frame, distance)
         _, deviation, count = placed.diffuse(points, facing)
         seen.append(deviation[count >= 2])
     values = np.concatenate(seen) if seen else np.empty(0)
-    return float(values.mean()) if len(values) else np.inf
+    return (float(values.mean()) if len(values) else None), len(values)
 
 
 def _coloured(
@@ -123,9 +141,9 @@ def _frames(
         R = _axes(normal, photos)
         depth, low, high = photos.depth.copy(), np.full(2, np.inf), np.full(2, -np.inf)
         for p, camera in enumerate(photos.cameras):
-            first = int(photos.starts[p])
-            own = first + np.flatnonzero(beyond[first : first + camera.width * camera.height])
-            row, column = np.divmod(own - first, camera.width)
+            inside = np.flatnonzero(beyond[photos.pixels_of(p)])
+            own = int(photos.starts[p]) + inside
+            row, column = np.divmod(inside, camera.width)
             rays = camera.pixel_rays(np.stack([column, row], axis=1) + 0.5)
             slope = rays @ normal
             along = (distance - float((camera.center - middle) @ normal)) / np.where(slope > 0, slope, np.nan)

@@ -107,9 +107,11 @@ def _background(views: ViewSet, mesh: Path, count: int, out: Path) -> list[Textu
     if made is None:
         told = "no background: the photos show next to nothing behind the surface (masks, or the mesh fills them)"
     else:
-        place = (
-            f"{made.distance:.4g} scene units from the middle of the photos, which differ by {made.spread:.3f} there"
-        )
+        place = f"{made.distance:.4g} scene units from the middle of the photos, "
+        if made.spread is None:
+            place += "no two of which show the same of it: the distance is a guess"
+        else:
+            place += f"which differ by {made.spread:.3f} there"
         told = f"background: {len(made.layers)} far plane(s), {place}"
     (out / "summary.txt").write_text(told + "\n", encoding="utf-8")
     entries = []

@@ -10,7 +10,7 @@ import pytest
 from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.embree import MeshCaster
-from ibrpipe.modelling.background import TRIED, make_background
+from ibrpipe.modelling.background import TRIED, best_distance, make_background
 from ibrpipe.renderers.api import render
 from ibrpipe.types import Asset, Camera, Mesh, Texture
 
@@ -97,3 +97,17 @@ def test_photos_that_look_all_ways_get_the_faces_of_a_cube():
     behind = render(asset, cameras[2], "ldi")
     assert (behind.alpha >= 0.5).mean() > 0.9
     assert np.abs(behind.color[behind.alpha >= 0.5] - 0.2).max() < 0.01
+
+
+def test_the_distance_is_that_of_the_best_agreement_the_farthest_of_equals():
+    assert best_distance([(0.2, 90), (0.1, 100), (0.3, 100)]) == 1
+    assert best_distance([(0.1, 100), (0.1, 100), (0.1, 100), (0.3, 100)]) == 2
+
+
+def test_what_hardly_any_photos_share_is_no_agreement():
+    assert best_distance([(0.0, 3), (0.1, 100), (0.2, 80)]) == 1
+    assert best_distance([(None, 0), (None, 0), (None, 0)]) == 2
+    cameras = [camera(eye) for eye in EYES[:1]]
+    found = make_background(photo_set(cameras, [np.full((48, 64, 3), 0.3)]), SQUARE)
+    assert found.spread is None
+    assert found.distance == pytest.approx(TRIED[-1] * np.sqrt(25 + 1 + 1), rel=0.02)
