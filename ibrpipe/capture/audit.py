@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +100,13 @@ class Surface:
     def diagonal(self) -> float:
         """Of the mesh's bounding box, scene units."""
         return self._points.diagonal
+
+    def around(self, places: Array) -> float:
+        """Return the median over places (N, 3) of the share of 26 directions that meet the mesh; 1 = inside it."""
+        ways = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
+        origins = np.repeat(places, len(ways), axis=0)
+        hits = self._caster.cast(origins, np.tile(ways, (len(places), 1)))
+        return float(np.median((hits.face >= 0).reshape(len(places), -1).mean(axis=1)))
 
     def look(self, view: View, mask: Array) -> tuple[float, float | None]:
         """Take note of what a photo sees; return the share of the area, and how far mask and outline agree."""
@@ -220,7 +228,7 @@ def _surface_findings(
     seen = any(photo.seen for photo in photos if not photo.held_out)
     centers = np.array([view.camera.center for view in capture.train])
     overlap = float(np.median(surface.overlaps, axis=0)[0]) if surface.overlaps else None
-    units = other_units(file, surface.diagonal, centers, backs, overlap, seen or not photos)
+    units = other_units(file, surface.diagonal, centers, (backs, surface.around(centers)), overlap, seen or not photos)
     if units is not None and units.severity == "error":
         return [units]
     inverted = inverted_masks(capture.root, surface.overlaps)

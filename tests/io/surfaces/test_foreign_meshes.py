@@ -9,12 +9,16 @@ import trimesh
 from PIL import Image
 
 import ibrpipe
+from ibrpipe.capture.audit import Surface
+from ibrpipe.capture.coverage import spread_points
 from ibrpipe.capture.units import other_units
+from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
 from ibrpipe.io.surfaces import gltf_file
 from ibrpipe.io.surfaces.mesh_materials import read_textured
 from ibrpipe.io.surfaces.meshes import read_mesh, read_surface
 from ibrpipe.stages.ingest import IngestConfig, Inputs, run
+from ibrpipe.types import Mesh
 
 #: An L of area 3 with its inner corner at (1, 1), begun where a fan leaves it; extruded by 0.5
 OUTLINE = np.array([[2, 0], [2, 1], [1, 1], [1, 2], [0, 2], [0, 0]], np.float64)
@@ -320,7 +324,32 @@ def test_a_mesh_in_other_units_is_called_that(tiny_ball, tmp_path):
 
 def test_rooms_and_objects_are_in_their_units():
     ring = np.array([[np.cos(a), np.sin(a), 0] for a in np.linspace(0, 6, 12)])
-    assert other_units("m", 0.5, ring, 0.0, 0.9, True) is None
-    assert other_units("room", 40.0, ring, 0.0, None, True) is None
-    assert "flip the mesh if it is a room" in other_units("room", 40.0, ring, 1.0, None, False).remedy
-    assert other_units("field", 200.0, ring, 0.0, None, True).severity == "warning"
+    assert other_units("m", 0.5, ring, (0.0, 0.4), 0.9, True) is None
+    assert other_units("room", 40.0, ring, (0.0, 1.0), None, True) is None
+    assert other_units("field", 200.0, ring, (0.0, 0.5), None, True).severity == "warning"
+
+
+@pytest.mark.parametrize("backs", [0.0, 1.0])
+def test_winding_alone_makes_no_mesh_wrong(backs):
+    ring = np.array([[np.cos(a), np.sin(a), 0] for a in np.linspace(0, 6, 12)])
+    assert other_units("terrain", 40.0, ring, (backs, 0.5), None, True) is None
+    assert other_units("terrain", 200.0, ring, (backs, 0.5), None, True).severity == "warning"
+
+
+def test_a_mesh_all_around_that_shows_its_backs_is_a_room_unless_masks_tell_otherwise():
+    ring = np.array([[np.cos(a), np.sin(a), 0] for a in np.linspace(0, 6, 12)])
+    room = other_units("room", 40.0, ring, (1.0, 1.0), None, True)
+    assert (room.severity, "a room stays as it is, the plan turns its faces" in room.remedy) == ("warning", True)
+    assert other_units("object", 40.0, ring, (1.0, 1.0), 0.3, True).severity == "error"
+    assert other_units("millimetres", 2000.0, ring, (1.0, 1.0), None, True).severity == "error"
+
+
+def test_what_is_all_around_is_told_from_what_lies_ahead_however_it_is_wound():
+    ring = np.array([[np.cos(a), np.sin(a), 0] for a in np.linspace(0, 6, 12)])
+    wall = np.array([(-60, -60, -3), (60, -60, -3), (60, 60, -3), (-60, 60, -3)], float)
+    box = trimesh.creation.box((40, 40, 40))
+    ahead, around = Mesh(wall, np.array([[0, 1, 2], [0, 2, 3]])), Mesh(box.vertices, box.faces)
+    for mesh, least, most in ((ahead, 0.3, 0.5), (around, 1, 1)):
+        for faces in (mesh.faces, mesh.faces[:, ::-1]):
+            turned = Mesh(mesh.vertices, faces)
+            assert least <= Surface(spread_points(turned, 500), MeshCaster(turned)).around(ring) <= most
