@@ -135,13 +135,13 @@ def photo_spacing(photos: PhotoSet, center: Array) -> float:
 
 
 def edge_share(photos: PhotoSet) -> float:
-    """Share of the photos' pixels, inside their masks, that have a neighbour on another surface or outside the mask."""
+    """Share of the photos' pixels that lie on the mesh, inside the mask, and beside another surface, or beside none."""
     edges, count = 0, 0
     for p, camera in enumerate(photos.cameras):
         own, shape = photos.pixels_of(p), (camera.height, camera.width)
-        mask = photos.mask[own].reshape(shape)
-        inside = mask >= 0.5
-        edges += int((beside_edge(photos.depth[own].reshape(shape), mask) & inside).sum())
+        mask, depth = photos.mask[own].reshape(shape), photos.depth[own].reshape(shape)
+        inside = (mask >= 0.5) & np.isfinite(depth)
+        edges += int((beside_edge(depth, mask) & inside).sum())
         count += int(inside.sum())
     return edges / max(count, 1)
 
@@ -241,7 +241,7 @@ def _photo_surface(
     photo: int, caster: MeshCaster, photos: PhotoSet, rng: np.random.Generator, most: int = 600
 ) -> _Seen:
     """Choose blocks of pixels well inside one photo's mask and find the surface that they show."""
-    camera, own = photos.cameras[photo], slice(photos.starts[photo], photos.starts[photo] + photos.sizes[photo].prod())
+    camera, own = photos.cameras[photo], photos.pixels_of(photo)
     hits = caster.cast_camera(camera)
     shown = np.isfinite(hits.t.ravel()) & (photos.mask[own] >= 0.95)
     inside = np.flatnonzero(shown)

@@ -36,6 +36,7 @@ from ibrpipe.modelling.rectangles import (
     distinct,
     sized,
 )
+from ibrpipe.modelling.rims import BAND, look_closely, meet_fronts
 from ibrpipe.modelling.sides import TwoSided
 from ibrpipe.modelling.trial import try_out
 from ibrpipe.modelling.view_dependence.fitter import Fitter
@@ -185,14 +186,23 @@ def drop_unseen(rectangles: Sequence[Rectangle], surface: SurfaceSample) -> tupl
     return kept, reasons
 
 
-def count_layers(rectangle: Rectangle, caster: MeshCaster, limit: int) -> tuple[int, Told]:
-    """Choose layers so that 99.9 % of front-facing samples are kept; measured on every fourth texel row and column."""
-    origins, directions = rectangle.rays()
+def count_layers(rectangle: Rectangle, caster: MeshCaster, limit: int, coverage: bool = False) -> tuple[int, Told]:
+    """Choose layers so that 99.9 % of front-facing samples are kept; measured on every fourth texel row and column.
+
+    With `coverage` what fills a texel in part counts, too.
+    """
     grid = np.arange(rectangle.height * rectangle.width).reshape(rectangle.height, rectangle.width)[::4, ::4].ravel()
-    ray, hits = caster.cast_all(origins[grid], directions[grid])
-    front = np.flatnonzero((hits.normal * directions[grid][ray]).sum(axis=1) < 0)
-    front = front[distinct(ray[front], hits.t[front], rectangle.texel)]
-    depths = np.bincount(np.bincount(ray[front], minlength=len(grid)), minlength=2)
+    parts = [
+        look_closely(grid[start : start + BAND], rectangle, caster)
+        if coverage
+        else meet_fronts(rectangle, caster, grid[start : start + BAND])
+        for start in range(0, len(grid), BAND)
+    ]
+    texel, depth = (np.concatenate([getattr(part, name) for part in parts]) for name in ("ray", "depth"))
+    order = np.lexsort((depth, texel))
+    kept = texel[order][distinct(texel[order], depth[order], rectangle.texel)]
+    counts = np.bincount(np.searchsorted(grid, kept), minlength=len(grid))
+    depths = np.bincount(counts, minlength=2)
     at_least = depths[::-1].cumsum()[::-1]  # texels with at least n front-facing surfaces
     total = max(int(at_least[1:].sum()), 1)
     enough = int(np.searchsorted(at_least[1:].cumsum(), 0.999 * total)) + 1
@@ -324,7 +334,7 @@ def make_plan(
     if config.residuals == "auto":
         chosen = follow_measured(names, found, chosen)
     for rectangle, (residuals, why_residuals) in zip(rectangles, chosen, strict=True):
-        layers, why_layers = count_layers(rectangle, caster, config.max_layers)
+        layers, why_layers = count_layers(rectangle, caster, config.max_layers, coverage)
         reasons += [why_layers, why_residuals]
         spiral = (SpiralPlan(k=k, residual_scale=config.residual_scale),) if residuals else ()
         plans.append(TexturePlan(rectangle, config.max_angle, layers, (*spiral, *config.components), coverage))

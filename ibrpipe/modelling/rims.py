@@ -51,10 +51,12 @@ class Fronts:
         return Fronts(*(part[chosen] for part in parts))
 
 
-def meet_fronts(rectangle: Rectangle, caster: MeshCaster) -> Fronts:
-    """Meet surfaces that face a rectangle by a ray through the middle of every texel; each fills its texel."""
-    origins, directions = rectangle.rays()
-    return _met(caster, origins, directions, np.arange(len(origins)))
+def meet_fronts(rectangle: Rectangle, caster: MeshCaster, texels: Array | None = None) -> Fronts:
+    """Meet surfaces that face a rectangle by rays through the middles of texels (T,), or all; each fills its texel."""
+    wanted = np.arange(rectangle.width * rectangle.height) if texels is None else texels
+    column, row = wanted % rectangle.width, wanted // rectangle.width
+    origins, directions = rectangle.rays_at(column + 0.5, row + 0.5)
+    return _met(caster, origins, directions, wanted)
 
 
 def _met(caster: MeshCaster, origins: Array, directions: Array, texels: Array) -> Fronts:
@@ -79,7 +81,7 @@ def with_rims(fronts: Fronts, rectangle: Rectangle, caster: MeshCaster) -> Front
     while wanted.any():
         looked |= wanted
         texels = np.flatnonzero(wanted.ravel())
-        found = [_look_closely(texels[i : i + BAND], rectangle, caster) for i in range(0, len(texels), BAND)]
+        found = [look_closely(texels[i : i + BAND], rectangle, caster) for i in range(0, len(texels), BAND)]
         partly = np.concatenate([part.ray[part.coverage < 1] for part in found])
         wanted = _around(_marked(partly, shape)) & ~looked
         parts += found
@@ -128,7 +130,7 @@ def has_partner(own: Fronts, others: Fronts, rectangle: Rectangle, outside: bool
     return out
 
 
-def _look_closely(texels: Array, rectangle: Rectangle, caster: MeshCaster) -> Fronts:
+def look_closely(texels: Array, rectangle: Rectangle, caster: MeshCaster) -> Fronts:
     """Meet surfaces by rays through 3 x 3 places of texels (T,), and put together what is one surface."""
     places = np.linspace(-0.5, 0.5, ALONG)
     across, down = np.tile(places, ALONG), np.repeat(places, ALONG)

@@ -10,7 +10,7 @@ import pytest
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError
-from ibrpipe.modelling.appearance import Appearance, beyond_shift
+from ibrpipe.modelling.appearance import Appearance, beyond_shift, edge_share
 from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.modelling.planning import PlanConfig, choose_coverage, choose_residuals, follow_measured, make_plan
 from ibrpipe.modelling.rectangles import RectangleConfig
@@ -242,3 +242,13 @@ def test_rims_have_coverage_where_much_of_the_photos_is_edges(measured, scene, w
         choice, told = choose_coverage(QUICK.model_copy(update={"coverage": by_hand}), photos)
         assert choice is (by_hand == "always")
         assert told["reason"] == "set by the pipeline file"
+
+
+def test_background_is_no_edge_without_masks(measured):
+    """A place without masks: pixels that show no surface count neither as edges nor as pixels."""
+    photos = measured("glossy").photos
+    masked = replace(photos, mask=np.isfinite(photos.depth).astype(np.float32))
+    bare = replace(photos, mask=np.ones_like(photos.mask))
+    assert 0.2 < np.isinf(photos.depth).mean() < 0.95
+    assert edge_share(bare) == pytest.approx(edge_share(masked), abs=1e-12)
+    assert 0.02 < edge_share(bare) < 0.25

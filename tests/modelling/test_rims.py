@@ -9,6 +9,7 @@ import ibrpipe
 from ibrpipe.embree import MeshCaster
 from ibrpipe.modelling.layers import LayersConfig, build_layers
 from ibrpipe.modelling.plan_file import TexturePlan
+from ibrpipe.modelling.planning import count_layers
 from ibrpipe.modelling.rectangles import RectangleConfig, sized
 from ibrpipe.modelling.rims import meet_fronts, with_rims
 from ibrpipe.types import Mesh
@@ -69,6 +70,41 @@ def test_a_thin_strip_is_followed_without_a_break(width):
     inside = slice(3, 27)
     assert (per_row[inside] > 0).all()
     assert per_row[inside].mean() == pytest.approx(width, rel=0.12)
+
+
+@pytest.mark.parametrize("center", [(1.5, 1.5), (1.523, 1.478)])
+def test_coverage_at_a_silhouette_is_the_sum_of_the_places_that_are_covered(center):
+    """Middles stand for 4, middles of edges for 2, corners for 1 sixteenths; see docs/stages/layers.md."""
+    angle = np.arange(64) * 2 * np.pi / 64
+    circle = np.column_stack([center[0] + np.cos(angle), center[1] + np.sin(angle), np.zeros(64)])
+    fan = Mesh(np.vstack([circle, [(*center, 0.0)]]), np.array([[n, (n + 1) % 64, 64] for n in range(64)]))
+    face, found = rims_of(fan)
+    column, row = found.ray % face.width, found.ray // face.width
+    wanted = np.zeros((face.height, face.width))
+    apothem = np.cos(np.pi / 64)
+    for y, x in np.ndindex(wanted.shape):
+        for dy, dx, share in [(j, i, (2 - abs(j)) * (2 - abs(i)) / 16) for j in (-1, 0, 1) for i in (-1, 0, 1)]:
+            at = np.array([(x + 0.5 + 0.5 * dx) * TEXEL, 3 - (y + 0.5 + 0.5 * dy) * TEXEL]) - center
+            turn = (np.arctan2(at[1], at[0]) % (2 * np.pi / 64)) - np.pi / 64
+            wanted[y, x] += share * (np.hypot(*at) * np.cos(turn) < apothem)
+    got = np.zeros_like(wanted)
+    np.add.at(got, (row, column), found.coverage)
+    assert ((got > 0) & (got < 1)).sum() > 40
+    np.testing.assert_allclose(got, wanted, atol=1e-6)
+    assert found.coverage.sum() * TEXEL**2 == pytest.approx(32 * np.sin(np.pi / 32), rel=0.01)
+
+
+def test_layers_of_wires_are_counted_with_what_fills_texels_in_part():
+    """Two grids of wires a third of a texel wide above each other: hardly any middle of a texel meets both."""
+    wires = [
+        quad([(x, 0.2), (x + TEXEL / 3, 0.2), (x + TEXEL / 3, 2.8), (x, 2.8)], height)
+        for height in (0.0, 0.5)
+        for x in 0.2 + TEXEL * np.arange(26) + 0.06
+    ]
+    caster = MeshCaster(mesh_of(*wires))
+    assert count_layers(rectangle(), caster, 64, coverage=True)[0] == 2
+    assert count_layers(rectangle(), caster, 64)[0] == 1
+    assert count_layers(rectangle(), caster, 1, coverage=True)[0] == 1
 
 
 def test_two_sheets_in_one_texel_stay_two():
