@@ -141,11 +141,12 @@ def _run(path: Path) -> Facts:
     from ibrpipe.evaluation.metrics import read_metrics
 
     facts: Facts = {"kind": "run", "path": str(path)}
+    stages = load_stages()
     if (path / RUN_NAME).is_file():  # single stages write none
-        known = RunDocument.read(path / RUN_NAME, "is no note of a run", "first")
+        first = next((stage.name for stage in stages if read_manifest(path / stage.folder)), stages[0].name)
+        known = RunDocument.read(path / RUN_NAME, "is no note of a run", first)
         facts |= known.model_dump(exclude={"settings"})
     facts["stages"] = {}
-    stages = load_stages()
     for stage in stages:
         manifest = read_manifest(path / stage.folder)
         if manifest is not None:

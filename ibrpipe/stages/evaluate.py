@@ -68,7 +68,6 @@ class EvaluateConfig(StageConfig):
         description="True mesh to measure a reconstructed one against; absent = the capture's own, if withheld, or "
         "truth/mesh.ply in the capture",
     )
-
     surface_thresholds: tuple[float, ...] = Field(
         (0.0025, 0.005, 0.01), description="Distances of the F-scores, shares of the true surface's diagonal"
     )
