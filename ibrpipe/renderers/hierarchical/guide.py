@@ -59,7 +59,7 @@ def build_guide(nodes: Nodes, library: Prerendered) -> Guide:
 
 
 def changed_part(nodes: Nodes, library: Prerendered) -> str | None:
-    """Name the first part whose sphere is not the library's; None where all are. Parts made from copies are not compared."""
+    """Name the first part whose sphere is another in the library, None = none; parts made of copies do not count."""
     number = {name: node for node, name in enumerate(nodes.names)}
     for name, sphere in zip(library.names, library.spheres, strict=True):
         node = number[name]
