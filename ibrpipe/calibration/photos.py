@@ -10,15 +10,20 @@ import numpy as np
 
 from ibrpipe.calibration.job import PhotoEntry
 from ibrpipe.errors import CaptureError, MissingFileError
-from ibrpipe.io.cameras.shots import PHOTO_SUFFIXES, Shot
+from ibrpipe.io.cameras.shots import PHOTO_SUFFIXES, Shot, photo_root
 from ibrpipe.io.cameras.sources import has_cameras, has_test
 from ibrpipe.io.captures import read_shots
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
 
+#: folders of a capture that hold pictures which are no photos, or are photos of another kind
+BESIDE_PHOTOS = ("test", "masks", "depth", "depths", "sparse", "dense", "light")
+
 
 def photos_of(root: Path) -> tuple[PhotoEntry, ...]:
     """List all photos below ``images/`` and ``test/images/``, with what is known of their cameras.
+
+    Without ``images/`` the folder itself is that of the photos, but for what its folders of other names hold.
 
     Parameters
     ----------
@@ -38,7 +43,7 @@ def photos_of(root: Path) -> tuple[PhotoEntry, ...]:
     found = _half(root)
     if not found:
         raise CaptureError(
-            f"{root}: no photos found; expected JPEG, PNG, TIFF or EXR files in its folder images/, put them there"
+            f"{root}: no photos found; expected JPEG, PNG, TIFF or EXR files in it or in its images/, put them there"
         )
     if has_test(root):
         found += [replace(entry, name=f"test/{entry.name}", held_out=True) for entry in _half(root / "test")]
@@ -50,7 +55,10 @@ def _half(root: Path) -> list[PhotoEntry]:
     for shot in shots.values():
         if not shot.image.is_file():
             raise MissingFileError(f"{shot.image}: the photo does not exist, but the capture's cameras name it")
-    images = {file.relative_to(root / "images").as_posix(): file for file in _files(root / "images")}
+    folder = photo_root(root)
+    images = {file.relative_to(folder).as_posix(): file for file in _files(folder)}
+    if folder == root:
+        images = {name: file for name, file in images.items() if name.split("/")[0] not in BESIDE_PHOTOS}
     images |= {name: shot.image for name, shot in shots.items()}
     names = sorted(images)
     named = {name: shot.mask for name, shot in shots.items()}
@@ -63,7 +71,8 @@ def _files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         return []
     found = (path for path in folder.rglob("*") if path.suffix.lower() in PHOTO_SUFFIXES and path.is_file())
-    return sorted(path for path in found if not path.name.endswith(".mask.png") and not path.name.startswith("."))
+    photos = (path for path in found if not path.name.endswith(".mask.png") and not path.name.startswith("."))
+    return sorted(photos)
 
 
 def _entry(photo: MaskedPhoto, mask: MaskChoice) -> PhotoEntry:

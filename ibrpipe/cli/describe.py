@@ -93,7 +93,7 @@ def _capture(path: Path) -> Facts:
     from ibrpipe.io.captures import read_capture
     from ibrpipe.io.surfaces.meshes import read_mesh
 
-    if not has_cameras(path) and (path / "images").is_dir():
+    if not has_cameras(path):
         return _photos(path)
     capture = read_capture(path)
     facts: Facts = {"kind": "capture", "path": str(path)}

@@ -17,6 +17,7 @@ from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.cameras.lenses import Keep
+from ibrpipe.io.cameras.shots import photo_root
 from ibrpipe.io.captures import Capture, CaptureOptions, Exposure, Orientation, read_capture
 from ibrpipe.io.documents.audit import Audit
 from ibrpipe.io.documents.calibration import Calibration
@@ -125,7 +126,7 @@ def run(inputs: Inputs, config: IngestConfig) -> Outputs:
     surface = None if mesh is None else outputs.given
     if mesh is not None and surface is not None:
         write_mesh(mesh, surface)
-    points = None if capture.model is None else points_of_views(capture.model, capture.root / "images", capture.train)
+    points = None if capture.model is None else points_of_views(capture.model, photo_root(capture.root), capture.train)
     if points is not None and outputs.points is not None:
         write_points(points, outputs.points)
     write_views(_view_set(capture, surface), outputs.views)

@@ -197,7 +197,7 @@ def masked(capture: Path, value: float) -> None:
 
 BROKEN = {
     "no folder": (lambda c: shutil.rmtree(c), "is no folder; give a capture folder"),
-    "no photos": (lambda c: shutil.rmtree(c / "images"), "no photos found; expected JPEG.* in its folder images/"),
+    "no photos": (lambda c: shutil.rmtree(c / "images"), "no photos found; expected JPEG.* in its images/"),
     "one photo": (lambda c: only(c, 1), "holds 1 photo; cameras need at least 2"),
     "unrelated photos": (unrelated, "no cameras could be found from the 2 photos: .*overlap by two thirds"),
     "blank photos": (blank, r"show no features \(at most 0 in one photo"),

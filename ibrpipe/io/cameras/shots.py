@@ -187,6 +187,15 @@ def _grouped(pairs: Iterable[tuple[str, Path]]) -> dict[str, list[Path]]:
     return groups
 
 
+def photo_root(root: Path) -> Path:
+    """Return the folder of a capture, or of its ``test/``, below which its photos have their names.
+
+    ``images/`` where there is one, else the folder itself: a bare folder of photos is a capture, too.
+    """
+    images = root / "images"
+    return images if images.is_dir() else root
+
+
 def name_below(path: Path, folder: Path) -> str:
     """Return a photo's name relative to a folder, posix; its file name where it lies elsewhere."""
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name

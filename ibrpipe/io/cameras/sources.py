@@ -13,7 +13,7 @@ from ibrpipe.io.cameras.bundler import BUNDLER, LIST, read_bundler
 from ibrpipe.io.cameras.colmap import FOLDERS, find_model, find_models, image_count, read_model
 from ibrpipe.io.cameras.metashape import METASHAPE, read_metashape
 from ibrpipe.io.cameras.middlebury import CALIBRATION, is_stereo, read_stereo
-from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot, name_below
+from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot, name_below, photo_root
 from ibrpipe.io.cameras.transforms import BLENDER_TEST, BLENDER_TRAIN, TRANSFORMS, read_blender, read_nerfstudio
 
 #: Camera files beside COLMAP's models, best first
@@ -75,9 +75,9 @@ def _read(root: Path, model: Path | None) -> CameraSet:
     if (root / BLENDER_TRAIN).is_file():
         return read_blender(root)
     if (root / METASHAPE).is_file():
-        return read_metashape(root / METASHAPE, root / "images")
+        return read_metashape(root / METASHAPE, photo_root(root))
     if (root / BUNDLER).is_file():
-        return read_bundler(root / BUNDLER, root / "images")
+        return read_bundler(root / BUNDLER, photo_root(root))
     if is_stereo(root):
         return CameraSet(read_stereo(root))
     raise CaptureError(
@@ -87,7 +87,7 @@ def _read(root: Path, model: Path | None) -> CameraSet:
 
 
 def _of_model(root: Path, model: Path) -> CameraSet:
-    images = root / "images"
+    images = photo_root(root)
     photos = PhotoFolder(images)
     shots = tuple(_found(shot, photos, model) for shot in read_model(model, images))
     warnings = []
