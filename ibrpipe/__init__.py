@@ -10,11 +10,13 @@ from ibrpipe.version import VERSION as __version__
 if TYPE_CHECKING:
     from ibrpipe.io.assets import read_asset, read_textures, write_asset
     from ibrpipe.io.captures import read_capture
+    from ibrpipe.io.photos.pictures import write_picture
     from ibrpipe.io.scenes import read_scene, write_scene
     from ibrpipe.io.surfaces.materials import read_relief_mesh, read_relief_meshes
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
     from ibrpipe.renderers.composite import composite
     from ibrpipe.renderers.hierarchical.prerendering import prerender
+    from ibrpipe.renderers.orbits import orbit
     from ibrpipe.types import (
         Asset,
         Camera,
@@ -59,6 +61,7 @@ _HOME = {
     "ViewDependence": "types",
     "Prepared": "renderers.api",
     "composite": "renderers.composite",
+    "orbit": "renderers.orbits",
     "prepare": "renderers.api",
     "prerender": "renderers.hierarchical.prerendering",
     "read_asset": "io.assets",
@@ -69,6 +72,7 @@ _HOME = {
     "read_textures": "io.assets",
     "render": "renderers.api",
     "write_asset": "io.assets",
+    "write_picture": "io.photos.pictures",
     "write_scene": "io.scenes",
 }
 
@@ -97,6 +101,7 @@ __all__ = [
     "__version__",
     "composite",
     "export",
+    "orbit",
     "prepare",
     "prerender",
     "read_asset",
@@ -108,6 +113,7 @@ __all__ = [
     "render",
     "renderers",
     "write_asset",
+    "write_picture",
     "write_scene",
 ]
 

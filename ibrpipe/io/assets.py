@@ -33,8 +33,6 @@ from ibrpipe.version import VERSION
 #: the versions that are read; the last one when a texture's layers are coded compactly, else the first
 SCHEMAS = (1, 2)
 INDEX = "asset.json"
-#: textures whose names begin so lie behind everything and have no place of their own
-BACKGROUND = "background"
 
 
 class TextureEntry(Document):

@@ -17,10 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from ibrpipe.errors import ConfigError, MissingFileError, ValueRangeError
-from ibrpipe.io.assets import BACKGROUND
+from ibrpipe.errors import ConfigError, MissingFileError
 from ibrpipe.io.views import ViewSet
-from ibrpipe.types import Array, Asset, Camera, LayeredDepthImage
+from ibrpipe.types import Array, Asset, Camera
 
 #: A camera path: file-name stem and camera of every frame, in order
 CameraPath = tuple[tuple[str, Camera], ...]
@@ -228,7 +227,7 @@ def camera_path(text: str, asset: Asset, views: ViewSet) -> CameraPath:
         path: CameraPath = tuple((view.name, view.camera) for view in own[text])
     elif is_orbit(text):
         photos = [view.camera for view in (*views.train, *views.test)]
-        path = orbit(parse_orbit(text), asset_bounds(asset), photos)
+        path = orbit(parse_orbit(text), asset.bounds, photos)
     else:
         path = read_path(Path(text))
     if not path:
@@ -236,29 +235,3 @@ def camera_path(text: str, asset: Asset, views: ViewSet) -> CameraPath:
             f"render: the path {text!r} has no camera: no photo of the asset is known; choose orbit, or give --views"
         )
     return path
-
-
-def asset_bounds(asset: Asset) -> tuple[Array, Array]:
-    """Return the lowest and highest corner (3,) of all samples of an asset, world; a background does not count."""
-    entries = asset.info.get("textures") or [{}] * len(asset.textures)
-    placed = [
-        texture
-        for texture, entry in zip(asset.textures, entries, strict=True)
-        if not str(entry.get("name", "")).startswith(BACKGROUND)
-    ]
-    points = [_sample_positions(texture.layers) for texture in placed]
-    points = [each for each in points if len(each)]
-    if not points:
-        raise ValueRangeError("the asset holds no sample, so there is nothing to look at; make it anew")
-    return np.min([each.min(axis=0) for each in points], axis=0), np.max([each.max(axis=0) for each in points], axis=0)
-
-
-def _sample_positions(layers: LayeredDepthImage) -> Array:
-    """World positions (S, 3) of the samples of a layered depth image."""
-    counts = np.diff(layers.offsets, axis=1)
-    row, column = np.repeat(np.indices(counts.shape).reshape(2, -1), counts.ravel(), axis=1) + 0.5
-    depth = layers.depth.astype(np.float64)
-    if isinstance(layers.frame, Camera):
-        rays = layers.frame.pixel_rays(np.stack([column, row], axis=1))
-        return layers.frame.center + depth[:, None] * rays
-    return layers.frame.origin + np.stack([column, row, depth], axis=1) @ layers.frame.world_from_local.T

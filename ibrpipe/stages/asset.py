@@ -14,7 +14,7 @@ from ibrpipe.capture.photo_set import load_photos
 from ibrpipe.config import StageConfig
 from ibrpipe.embree import MeshCaster
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
-from ibrpipe.io.assets import BACKGROUND, INDEX, AssetIndex, TextureEntry, write_index
+from ibrpipe.io.assets import INDEX, AssetIndex, TextureEntry, write_index
 from ibrpipe.io.components import Component
 from ibrpipe.io.documents.plan import Plan
 from ibrpipe.io.layers import write_layers
@@ -25,6 +25,7 @@ from ibrpipe.modelling.layers import rounded
 from ibrpipe.modelling.layers_document import Layers, LayersFigures
 from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.modelling.view_dependence.residuals_file import Figures, ResidualsFigures, measured, read_document
+from ibrpipe.types.bounds import BACKGROUND
 
 LAYERS = "layers.exr"
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import ibrpipe
 from ibrpipe.errors import ValueRangeError
 from ibrpipe.types.arrays import Array
 from ibrpipe.types.texture import Texture
@@ -29,6 +32,19 @@ class Asset:
     def __repr__(self) -> str:
         """Return the number of textures and the kinds of view dependence; arrays are left out."""
         return f"Asset({len(self.textures)} textures, view dependence: {', '.join(self.kinds) or 'none'})"
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest corner (3,) float64 of all samples, world; a background does not count.
+
+        Raises
+        ------
+        ValueRangeError
+            The asset holds no sample.
+        """
+        from ibrpipe.types.bounds import bounds_of
+
+        return bounds_of(self.textures, self.info)
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -76,3 +92,25 @@ class Frame:
         there = {name: array for name, array in arrays.items() if array is not None}
         size = "".join(f"{array.shape[1]} x {array.shape[0]}: " for array in [*there.values()][:1])
         return f"Frame({size}{', '.join(there) or 'empty'})"
+        held = {name: getattr(self, name) for name in ("color", "depth", "alpha")}
+        known = {name: array for name, array in held.items() if array is not None}
+        size = next((f"{array.shape[1]} x {array.shape[0]}: " for array in known.values()), "")
+        return f"Frame({size}{', '.join(known) or 'empty'})"
+
+    def save(self, path: Path | str) -> None:
+        """Write the frame as ``.png`` (8-bit sRGB) or ``.exr`` (linear light with alpha and depth).
+
+        Raises
+        ------
+        FormatError, ShapeError
+            The name ends in something else; there is no colour.
+        """
+        ibrpipe.write_picture(self, path)
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the picture that notebooks show; None without colour."""
+        if self.color is None:
+            return None
+        with TemporaryDirectory() as folder:
+            self.save(Path(folder) / "frame.png")
+            return (Path(folder) / "frame.png").read_bytes()

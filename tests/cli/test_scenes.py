@@ -11,7 +11,6 @@ from click.testing import CliRunner
 import ibrpipe
 from ibrpipe.cli.main import cli
 from ibrpipe.errors import ConfigError
-from ibrpipe.io.paths import asset_bounds
 from ibrpipe.io.photos.images import read_image
 from ibrpipe.stages.render import _shown_bounds
 from ibrpipe.synthetic.instanced.forest import forest
@@ -65,7 +64,7 @@ def test_an_asset_stands_on_a_lawn_in_a_clearing(tmp_path):
     held = {copies.part: copies.matrices for copies in scene.parts["forest"].children}
     bounds = scene.bounds["captured"]
     world = held["captured"][0]
-    low, high = asset_bounds(scene.parts["captured"].sources[0])
+    low, high = scene.parts["captured"].sources[0].bounds
     np.testing.assert_allclose((world[:3, :3] @ (high - low))[2], 2.0)
     bottom = world[:3, :3] @ [*(0.5 * (low + high))[:2], low[2]] + world[:3, 3]
     np.testing.assert_allclose(bottom, [0, 0, 0.02], atol=1e-12)

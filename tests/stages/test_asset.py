@@ -12,7 +12,6 @@ import ibrpipe
 from ibrpipe.engine.artifacts import needs
 from ibrpipe.errors import IbrError
 from ibrpipe.io.assets import listed_files, read_asset, read_index
-from ibrpipe.io.paths import asset_bounds
 from ibrpipe.io.views import ViewSet, read_views, write_views
 from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.stages import asset, layers, plan, residuals
@@ -110,7 +109,7 @@ def test_a_background_is_a_texture_behind_the_rest(made, measured, tmp_path):
     assert after.alpha.mean() > 0.95
     near = before.alpha >= 0.5
     np.testing.assert_allclose(after.depth[near], before.depth[near], rtol=1e-5)
-    assert np.array_equal(asset_bounds(whole), asset_bounds(plain))  # orbits stay where they were
+    assert np.array_equal(whole.bounds, plain.bounds)  # orbits stay where they were
     files = {path.relative_to(tmp_path / "asset").as_posix() for path in (tmp_path / "asset").rglob("*.*")}
     assert files - listed_files(tmp_path / "asset") == {"summary.txt"}
 

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from ibrpipe.errors import ValueRangeError
-from ibrpipe.io.paths import asset_bounds
 from ibrpipe.synthetic.instanced.pieces import folded_leaf, joined, moved, placed, turned
 from ibrpipe.types import Array, Asset, Instances, Mesh, PaintedMesh, Part, Scene
 
@@ -30,7 +29,7 @@ def clearing(wood: Scene, asset: Asset, height: float = 3.0, seed: int = 5) -> S
     seed : int
         Of the lawn.
     """
-    low, high = asset_bounds(asset)
+    low, high = asset.bounds
     if not (height > 0 and high[2] > low[2]):
         raise ValueRangeError(
             f"the asset is {high[2] - low[2]:g} high and shall be {height:g} m; both must be positive"

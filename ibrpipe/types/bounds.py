@@ -1,0 +1,49 @@
+"""The box around an asset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ibrpipe.errors import ValueRangeError
+from ibrpipe.types.arrays import Array
+from ibrpipe.types.camera import Camera
+from ibrpipe.types.texture import Texture
+from ibrpipe.types.textures import LayeredDepthImage
+
+#: What the names of textures begin with that stand for what lies behind all surface
+BACKGROUND = "background"
+
+
+def bounds_of(textures: Sequence[Texture], info: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Return the lowest and highest corner (3,) of all samples, world; a background does not count.
+
+    Raises
+    ------
+    ValueRangeError
+        There is no sample.
+    """
+    entries = info.get("textures") or [{}] * len(textures)
+    placed = [
+        texture
+        for texture, entry in zip(textures, entries, strict=True)
+        if not str(entry.get("name", "")).startswith(BACKGROUND)
+    ]
+    points = [_sample_positions(texture.layers) for texture in placed]
+    points = [each for each in points if len(each)]
+    if not points:
+        raise ValueRangeError("the asset holds no sample, so there is nothing to look at; make it anew")
+    return np.min([each.min(axis=0) for each in points], axis=0), np.max([each.max(axis=0) for each in points], axis=0)
+
+
+def _sample_positions(layers: LayeredDepthImage) -> Array:
+    """World positions (S, 3) of the samples of a layered depth image."""
+    counts = np.diff(layers.offsets, axis=1)
+    row, column = np.repeat(np.indices(counts.shape).reshape(2, -1), counts.ravel(), axis=1) + 0.5
+    depth = layers.depth.astype(np.float64)
+    if isinstance(layers.frame, Camera):
+        rays = layers.frame.pixel_rays(np.stack([column, row], axis=1))
+        return layers.frame.center + depth[:, None] * rays
+    return layers.frame.origin + np.stack([column, row, depth], axis=1) @ layers.frame.world_from_local.T
