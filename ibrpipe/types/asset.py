@@ -92,10 +92,6 @@ class Frame:
         there = {name: array for name, array in arrays.items() if array is not None}
         size = "".join(f"{array.shape[1]} x {array.shape[0]}: " for array in [*there.values()][:1])
         return f"Frame({size}{', '.join(there) or 'empty'})"
-        held = {name: getattr(self, name) for name in ("color", "depth", "alpha")}
-        known = {name: array for name, array in held.items() if array is not None}
-        size = next((f"{array.shape[1]} x {array.shape[0]}: " for array in known.values()), "")
-        return f"Frame({size}{', '.join(known) or 'empty'})"
 
     def save(self, path: Path | str) -> None:
         """Write the frame as ``.png`` (8-bit sRGB) or ``.exr`` (linear light with alpha and depth).

@@ -11,7 +11,7 @@ from ibrpipe.engine.pipeline_file import load_pipeline
 from ibrpipe.errors import ConfigError
 from ibrpipe.modelling.frusta import Frustum, cube_frusta
 from ibrpipe.modelling.plan_file import read_plan
-from ibrpipe.modelling.planning import PlanConfig, place
+from ibrpipe.modelling.planning import PlanConfig, choose_rectangles
 from ibrpipe.modelling.rectangles import before_surface
 from ibrpipe.stages.plan import Inputs, run
 from ibrpipe.stages.registry import load_stages
@@ -32,14 +32,14 @@ def test_a_frustums_rectangle_has_its_camera_and_lies_before_the_surface(measure
 @pytest.mark.parametrize(("arrange", "most"), [("cube", 6), ("greedy", 6)])
 def test_arrangements_face_all_that_can_be_seen(measured, arrange, most):
     caster = measured("ball").caster
-    placed, (why,) = place(PlanConfig(arrange=arrange, maps=6), caster, 0.1, 3)
+    placed, (why,) = choose_rectangles(PlanConfig(arrange=arrange, maps=6), caster, 0.1, 3)
     assert 3 <= len(placed) <= most
     assert why["choice"] == len(placed)
     corners = caster.mesh.vertices[caster.mesh.faces]
     best = np.max([each.facing(corners.mean(axis=1), caster.flat_normals.astype(float)) for each in placed], axis=0)
     assert np.mean(best > 0.1) > 0.95
     assert [each.name for each in placed] == [f"map {k:02d}" for k in range(len(placed))]
-    assert place(PlanConfig(arrange=arrange, maps=6), caster, 0.1, 3)[1] == [why]
+    assert choose_rectangles(PlanConfig(arrange=arrange, maps=6), caster, 0.1, 3)[1] == [why]
 
 
 def test_frusta_go_out_to_a_file_and_come_back_by_the_pipeline_file(measured, tmp_path):
