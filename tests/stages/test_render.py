@@ -77,7 +77,8 @@ def test_the_list_of_frames_says_what_was_done(inputs: Inputs) -> None:
     assert listed["renderers"] == ["ldi"]
     for index, entry in enumerate(listed["frames"]):
         assert entry["ms"] > 0
-        assert entry["stats"]["rays"] == 32 * 24
+        assert entry["stats"]["edge_pixels"] > 0
+        assert entry["stats"]["rays"] == 32 * 24 + 9 * entry["stats"]["edge_pixels"]
         assert (inputs.out / entry["file"]).is_file()
         assert (inputs.out / entry["png"]).is_file()
         np.testing.assert_allclose(entry["cam_from_world"], camera(0.1 * index).cam_from_world, atol=1e-12)

@@ -143,6 +143,9 @@ def test_unknown_kinds_are_told(caplog: pytest.LogCaptureFixture) -> None:
         bytes = 0
         shared = None
 
+        def of_samples(self, kept: object) -> Tint:
+            raise NotImplementedError
+
     with caplog.at_level(logging.WARNING):
         exporter.make_page(Asset((Texture(ball_layers(), (Tint(),)),)), PageNotes(), "name")
     assert [each.message for each in caplog.records] == [
