@@ -13,6 +13,7 @@ from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.cameras.shots import PHOTO_SUFFIXES, Shot, photo_root
 from ibrpipe.io.cameras.sources import has_cameras, has_test
 from ibrpipe.io.captures import read_shots
+from ibrpipe.io.manifest import files_below
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
 
@@ -23,7 +24,8 @@ BESIDE_PHOTOS = ("test", "masks", "depth", "depths", "sparse", "dense", "light")
 def photos_of(root: Path) -> tuple[PhotoEntry, ...]:
     """List all photos below ``images/`` and ``test/images/``, with what is known of their cameras.
 
-    Without ``images/`` the folder itself is that of the photos, but for what its folders of other names hold.
+    Without ``images/`` the folder itself is that of the photos, but for its masks, depth maps and the like, and for
+    run folders in it.
 
     Parameters
     ----------
@@ -70,9 +72,8 @@ def _half(root: Path) -> list[PhotoEntry]:
 def _files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         return []
-    found = (path for path in folder.rglob("*") if path.suffix.lower() in PHOTO_SUFFIXES and path.is_file())
-    photos = (path for path in found if not path.name.endswith(".mask.png") and not path.name.startswith("."))
-    return sorted(photos)
+    found = (path for path in files_below(folder) if path.suffix.lower() in PHOTO_SUFFIXES and path.is_file())
+    return sorted(path for path in found if not path.name.endswith(".mask.png"))
 
 
 def _entry(photo: MaskedPhoto, mask: MaskChoice) -> PhotoEntry:

@@ -103,9 +103,9 @@ class Surface:
 
     def around(self, places: Array) -> float:
         """Return the median over places (N, 3) of the share of 26 directions that meet the mesh; 1 = inside it."""
-        ways = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
-        origins = np.repeat(places, len(ways), axis=0)
-        hits = self._caster.cast(origins, np.tile(ways, (len(places), 1)))
+        directions = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)])
+        origins = np.repeat(places, len(directions), axis=0)
+        hits = self._caster.cast(origins, np.tile(directions, (len(places), 1)))
         return float(np.median((hits.face >= 0).reshape(len(places), -1).mean(axis=1)))
 
     def look(self, view: View, mask: Array) -> tuple[float, float | None]:

@@ -4,16 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ibrpipe.errors import MissingFileError
 from ibrpipe.io.captures import CaptureOptions, has_cameras, read_capture
-from ibrpipe.io.untrusted.inside import shortened
-
-
-def check_capture(folder: Path) -> None:
-    """Raise `MissingFileError` where `folder` is no folder."""
-    if not folder.is_dir():
-        what = "is a file" if folder.exists() else "does not exist"
-        raise MissingFileError(f"{shortened(str(folder))}: {what}; a capture is a folder with photos in images/")
 
 
 def choose_pipeline(folder: Path, allow_outside: bool = False) -> tuple[str, str]:
@@ -32,8 +23,7 @@ def choose_pipeline(folder: Path, allow_outside: bool = False) -> tuple[str, str
     IbrError
         There is no such folder, or what it states cannot be read.
     """
-    check_capture(folder)
-    if not has_cameras(folder):
+    if folder.is_dir() and not has_cameras(folder):
         return "photos", "no cameras"
     capture = read_capture(folder, CaptureOptions(allow_outside=allow_outside))
     if capture.mesh is None:

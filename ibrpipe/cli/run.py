@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from ibrpipe.capture.pipeline_choice import check_capture, choose_pipeline
+from ibrpipe.capture.pipeline_choice import choose_pipeline
 from ibrpipe.cli.options import dask_option, example, json_option, workers_option
 from ibrpipe.cli.show import display, duration, told
 from ibrpipe.engine.artifacts import products
@@ -63,8 +63,6 @@ def command(
     pipeline = Path(what)
     if capture is None and _is_capture(what):
         pipeline, capture = _chosen(Path(what), changes), Path(what)
-    if capture is not None:
-        check_capture(capture)
     loaded = _loaded(pipeline, changes)
     run = Run(loaded, out, capture, first, last, force)
     done = run_shown(run, shared["workers"], shared["dask"])

@@ -15,6 +15,7 @@ from typing import Any
 from ibrpipe.engine.stage import Artifact, Stage
 from ibrpipe.errors import ConfigError, MissingFileError
 from ibrpipe.io.manifest import Hasher, digest
+from ibrpipe.io.untrusted.inside import shortened
 
 #: inputs that no stage makes, and what they are
 GIVEN = {
@@ -111,6 +112,8 @@ def wire(stage: Stage, stages: Sequence[Stage], run: Path, capture: Path | None,
             wired[name] = seed
             continue
         path = paths.get(name)
+        if name == "capture" and path is not None:
+            check_capture(path)
         if path is not None and path.exists():
             wired[name] = path
         elif required:
@@ -118,11 +121,16 @@ def wire(stage: Stage, stages: Sequence[Stage], run: Path, capture: Path | None,
     return wired
 
 
+def check_capture(folder: Path) -> None:
+    """Raise `MissingFileError` where a capture is no folder."""
+    if not folder.is_dir():
+        told = shortened(str(folder))
+        raise MissingFileError(f"there is no capture folder {told}; give the right one with --capture")
+
+
 def _absence(name: str, path: Path | None, stage: Stage) -> str:
-    if name == "capture" and path is None:
-        return f"stage {stage.name} needs photos; give their folder with --capture"
     if name == "capture":
-        return f"there is no capture folder {path}; give the right one with --capture"
+        return f"stage {stage.name} needs photos; give their folder with --capture"
     return f"stage {stage.name} needs {path}, which does not exist; run the earlier stages first"
 
 

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from ibrpipe.config import StageConfig
-from ibrpipe.engine.artifacts import files_named, hashes, needs, wire
+from ibrpipe.engine.artifacts import check_capture, files_named, hashes, needs, wire
 from ibrpipe.engine.pipeline_file import Pipeline
 from ibrpipe.engine.provenance import code_digest, measured, versions
 from ibrpipe.engine.run_document import RunDocument
 from ibrpipe.engine.run_folder import files_with_sizes, only_run, whole_folder
 from ibrpipe.engine.stage import Stage
-from ibrpipe.errors import ConfigError, MissingFileError, ResourceError, closest
+from ibrpipe.errors import ConfigError, ResourceError, closest
 from ibrpipe.interruption import stop_if_asked
 from ibrpipe.io.manifest import (
     NAME,
@@ -28,7 +28,6 @@ from ibrpipe.io.manifest import (
     write_manifest,
     write_text,
 )
-from ibrpipe.io.untrusted.inside import shortened
 
 
 @dataclass(frozen=True)
@@ -180,10 +179,8 @@ def run_pipeline(run: Run, stages: Sequence[Stage], report: Report = _silent) ->
         As raised by a stage. The results of the stages before it stay, and the next run goes on from there.
     """
     chosen = _chosen(run, stages)
-    if run.capture is not None and not run.capture.is_dir():
-        raise MissingFileError(
-            f"there is no capture folder {shortened(str(run.capture))}; give the right one with --capture"
-        )
+    if run.capture is not None:
+        check_capture(run.capture)
     fresh, done = not run.out.exists(), dict[str, Manifest]()
     try:
         _run_chosen(run, stages, chosen, done, report)

@@ -22,7 +22,8 @@ def _write(root: Path, *names: str) -> None:
 
 def test_a_bare_folder_of_photos_is_a_capture(tmp_path: Path) -> None:
     _write(tmp_path, "b.png", "a.png", "upper/c.png", "a.mask.png", ".thumb.png")
-    _write(tmp_path, "masks/b.png", "depth/a.png", "test/images/t.png")
+    _write(tmp_path, "masks/b.png", "depth/a.png", "test/images/t.png", "out/render/b.png")
+    (tmp_path / "out/run.json").write_text("{}")  # of a run on this very folder
     found = photos_of(tmp_path)
     assert [entry.name for entry in found] == ["a.png", "b.png", "upper/c.png", "test/t.png"]
     assert [entry.held_out for entry in found] == [False, False, False, True]

@@ -46,7 +46,7 @@ def test_photos_alone(capture: Path) -> None:
 
 
 def test_no_folder(tmp_path: Path) -> None:
-    with pytest.raises(MissingFileError, match="nowhere: does not exist; a capture is a folder"):
+    with pytest.raises(MissingFileError, match=r"nowhere: is no folder; give a capture folder"):
         choose_pipeline(tmp_path / "nowhere")
 
 
@@ -73,5 +73,5 @@ def test_a_wrong_capture_leaves_no_run_folder(tmp_path: Path, wrong: str) -> Non
     out = tmp_path / "out"
     result = CliRunner().invoke(cli, ["run", "mesh", "--capture", str(tmp_path / wrong), "--out", str(out)])
     assert result.exit_code == 1
-    assert "a capture is a folder with photos in images/" in result.stderr
+    assert f"there is no capture folder {tmp_path / wrong}; give the right one with --capture" in result.stderr
     assert not out.exists()

@@ -24,8 +24,8 @@ def camera_files(root: Path) -> list[Path]:
     """Return the files and folders of a capture folder, or of its ``test/``, that cameras are read from."""
     names = (*CAMERA_FILES, BLENDER_TEST, LIST, CALIBRATION)
     found = [root / name for name in names]
-    for place in (root / name for name in FOLDERS):
-        found += [place, *sorted(place.glob("*")), *sorted(place.glob("*/*"))]
+    for folder in (root / name for name in FOLDERS):
+        found += [folder, *sorted(folder.glob("*")), *sorted(folder.glob("*/*"))]
     return [path for path in found if path.exists()]
 
 
