@@ -93,10 +93,19 @@ def _around_copies(nodes: Nodes, node: int, spheres: Array) -> Array:
     if len(inner) == 0:
         return np.zeros(4)
     centers = np.einsum("nij,nj->ni", matrices[:, :, :3], inner[:, :3]) + matrices[:, :, 3]
-    radii = inner[:, 3] * np.linalg.norm(matrices[:, :, :3], axis=(1, 2))
+    radii = inner[:, 3] * _stretches(matrices)
     low, high = (centers - radii[:, None]).min(axis=0), (centers + radii[:, None]).max(axis=0)
     center = 0.5 * (low + high)
     return np.append(center, (np.linalg.norm(centers - center, axis=1) + radii).max())
+
+
+def _stretches(matrices: Array) -> Array:
+    """(N,) bounds of the greatest singular values of (N, 3, 4) matrices, as `core.hierarchy.traverse.stretch`.
+
+    Those of turns with one scale are exact: spheres do not grow from level to level of a deep hierarchy.
+    """
+    products = np.einsum("nki,nkj->nij", matrices[:, :, :3], matrices[:, :, :3])
+    return np.sqrt(np.abs(products).sum(axis=2).max(axis=1))
 
 
 def _costs(nodes: Nodes, library: Prerendered, rows: Array) -> Array:

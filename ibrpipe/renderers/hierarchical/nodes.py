@@ -55,8 +55,8 @@ class Nodes:
 
     @cached_property
     def triangles(self) -> Array:
-        """(P,) int64: triangles of each node with its copies taken apart."""
-        counts = np.diff(self.faces)
+        """(P,) float64: triangles of each node with its copies taken apart; they may be more than integers hold."""
+        counts = np.diff(self.faces).astype(np.float64)
         for node in range(len(self.names)):
             inner = slice(self.copies[node], self.copies[node + 1])
             counts[node] += counts[self.children[inner]].sum()

@@ -164,7 +164,7 @@ def test_a_million_units_from_the_origin_nothing_changes():
 
 def test_nested_scales_cancel():
     ball = Part("ball", (painted_ball(1.0, (0.6, 0.4, 0.2)),))
-    small = Part("small", children=(Instances("ball", np.stack([placed((0, 0, 0), None, 1e-4)] * 1)),))
+    small = Part("small", children=(Instances("ball", placed((0, 0, 0), None, 1e-4)),))
     twice = Instances("small", np.stack([placed((0, 0, 0), None, 1e4), placed((0, 9e5, 0))]))
     data = prepared(Scene([ball, small, Part("root", children=(twice,))], "root"))
     plain = ibrpipe.render(prepared(ball_scene(placed((0, 0, 0)))), CAMERA, "hierarchical")
@@ -313,3 +313,24 @@ def test_deep_nodes_are_taken_apart():
     parts += [Part(str(n + 1), children=(Instances(str(n), placed((0, 0, 1))),)) for n in range(2000)]
     corners, paints = scene_nodes(Scene(parts, "2000")).flattened(2000)
     assert (len(corners), corners[..., 2].min(), corners[..., 2].max(), len(paints)) == (12, 2000, 2001, 12)
+
+
+@pytest.mark.parametrize("depth", [40, 2000])
+def test_deep_hierarchies_look_like_what_they_hold(depth):
+    parts = [Part("0", (painted_ball(1.0, (0.6, 0.4, 0.2)),))]
+    turn = placed((0, 0, 0), turned((1, 2, 3), 0.3))
+    parts += [Part(str(n + 1), children=(Instances(str(n), turn),)) for n in range(depth)]
+    data = ibrpipe.prepare(Scene(parts, str(depth)), "hierarchical")
+    assert data.data.radius == pytest.approx(1.0, rel=1e-4)
+    frame = ibrpipe.render(data, CAMERA, "hierarchical")
+    plain = ibrpipe.render(ibrpipe.prepare(Scene(parts[:1], "0"), "hierarchical"), CAMERA, "hierarchical")
+    assert plain.alpha.sum() > 40
+    assert abs(float((frame.alpha - plain.alpha).mean())) < 0.002
+
+
+def test_more_triangles_than_integers_count_are_drawn():
+    pair = np.stack([placed((-0.5, 0, 0), None, 0.5), placed((0.5, 0, 0), None, 0.5)])
+    parts = [Part("0", (painted_box((-1, -1, -1), (1, 1, 1), (0.5, 0.5, 0.5)),))]
+    parts += [Part(str(n + 1), children=(Instances(str(n), pair),)) for n in range(80)]
+    nodes = scene_nodes(Scene(parts, "80"))
+    assert nodes.triangles.tolist() == [12 * 2.0**n for n in range(81)]
