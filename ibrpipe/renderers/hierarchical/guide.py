@@ -8,7 +8,7 @@ import numpy as np
 
 from ibrpipe.renderers.hierarchical.directions import nearest_table
 from ibrpipe.renderers.hierarchical.nodes import Nodes
-from ibrpipe.renderers.hierarchical.prefiltering import bounding_sphere, is_composed
+from ibrpipe.renderers.hierarchical.prefiltering import bounding_sphere, enclosing_spheres
 from ibrpipe.types import Array
 from ibrpipe.types.prerendered import HEIGHT, WIDTH, Prerendered
 
@@ -59,16 +59,12 @@ def build_guide(nodes: Nodes, library: Prerendered) -> Guide:
 
 
 def changed_part(nodes: Nodes, library: Prerendered) -> str | None:
-    """Name the first part whose sphere is another in the library, None = none; parts made of copies do not count."""
-    number = {name: node for node, name in enumerate(nodes.names)}
-    for name, sphere in zip(library.names, library.spheres, strict=True):
-        node = number[name]
-        if is_composed(nodes, node):
-            continue
-        corners, _ = nodes.flattened(node)
-        if not len(corners) or np.abs(bounding_sphere(corners) - sphere).max() > 1e-4 * sphere[3]:
-            return name
-    return None
+    """Name the first part whose sphere is another in the library, None = none."""
+    rows = {name: row for row, name in enumerate(library.names)}
+    chosen = [node for node, name in enumerate(nodes.names) if name in rows]
+    spheres = library.spheres[[rows[nodes.names[node]] for node in chosen]]
+    off = np.abs(enclosing_spheres(nodes, chosen) - spheres).max(axis=1, initial=0.0) > 1e-4 * spheres[:, 3]
+    return nodes.names[chosen[int(off.argmax())]] if off.any() else None
 
 
 def _spheres(nodes: Nodes, library: Prerendered, rows: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -25,7 +26,7 @@ FINENESS, COMPOSED_RAYS = 1.4, 2
 
 @dataclass(frozen=True)
 class Slicing:
-    """How parts are sliced: directions, texels per slab, rays along a side of a texel."""
+    """How parts are sliced: directions, texels per slab, rays along a side of a texel, finest resolution."""
 
     directions: int = 128
     slab_texels: float = 6.0
@@ -59,23 +60,17 @@ def prerender_nodes(
     resolutions = [each for each in RESOLUTIONS if each <= slicing.finest]
     painted = [nodes.paints[nodes.faces[node] : nodes.faces[node + 1]].max(initial=0.0) for node in chosen]
     scale = float(max([1e-6, *painted]))
-    rule = overlaps or {}
+    rule, spheres = overlaps or {}, enclosing_spheres(nodes, chosen)
     stacks: list[Stacks] = []
-    boxes: dict[int, Array] = {}
-    spheres = np.zeros((0, 4))
     for number, node in enumerate(chosen):
         if is_composed(nodes, node):
-            rows, matrices = _sliced_copies(nodes, node, chosen)
-            boxes[node], sphere = enclose_boxes(np.stack([boxes[chosen[row]] for row in rows]), matrices)
             library = (spheres, np.array(resolutions, np.int64), *join_stacks(stacks, len(axes)))
-            stacks += _compose_node((rows, matrices), sphere, axes, library, slicing, number)
+            stacks += _compose_node(_sliced_copies(nodes, node, chosen), axes, library, slicing, number)
         else:
-            corners, paints = nodes.flattened(node)
-            boxes[node] = np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
             overlap = rule.get(nodes.names[node], 0.0)
-            sphere, made = _slice_node(corners, paints, axes, resolutions, slicing, scale, overlap, number)
-            stacks += made
-        spheres = np.concatenate([spheres, sphere[None]])
+            stacks += _slice_node(
+                nodes.flattened(node), spheres[number], axes, resolutions, slicing, scale, overlap, number
+            )
     return Prerendered(
         tuple(nodes.names[node] for node in chosen),
         spheres,
@@ -101,19 +96,33 @@ def _sliced_copies(nodes: Nodes, node: int, chosen: list[int]) -> tuple[Array, A
     return rows[rows >= 0], nodes.matrices[held][rows >= 0]
 
 
-def enclose_boxes(boxes: Array, matrices: Array) -> tuple[Array, Array]:
-    """Return the box (2, 3) and the sphere (4,) around boxes (C, 2, 3) under matrices (C, 12)."""
+def enclosing_spheres(nodes: Nodes, chosen: Sequence[int]) -> Array:
+    """(N, 4) float64: spheres around nodes, children before parents; 0 where there is nothing.
+
+    Those of large parts are around the boxes of their copies, whose nodes must be among `chosen`.
+    """
+    boxes: dict[int, Array] = {}
+    spheres = np.zeros((len(chosen), 4))
+    for row, node in enumerate(chosen):
+        points = _copied_boxes(nodes, node, boxes) if is_composed(nodes, node) else nodes.flattened(node)[0]
+        if points.size:
+            spheres[row] = bounding_sphere(points)
+            boxes[node] = np.stack([points.min(axis=(0, 1)), points.max(axis=(0, 1))])
+    return spheres
+
+
+def _copied_boxes(nodes: Nodes, node: int, boxes: dict[int, Array]) -> Array:
+    """Corners (C, 8, 3) of the boxes (2, 3) of a node's copies, under their matrices."""
+    held = [n for n in range(nodes.copies[node], nodes.copies[node + 1]) if int(nodes.children[n]) in boxes]
     which = np.array([[n >> 2 & 1, n >> 1 & 1, n & 1] for n in range(8)])
-    corners = np.take_along_axis(boxes, which[None], axis=1)
-    moved = matrices.reshape(-1, 1, 3, 4)
-    points = ((moved[..., :3] * corners[:, :, None, :]).sum(axis=-1) + moved[..., 3]).reshape(-1, 3)
-    low, high = points.min(axis=0), points.max(axis=0)
-    center = 0.5 * (low + high)
-    return np.stack([low, high]), np.append(center, np.linalg.norm(points - center, axis=1).max() * (1 + 1e-6))
+    inner = np.array([boxes[int(nodes.children[n])] for n in held]).reshape(-1, 2, 3)
+    matrices = nodes.matrices[held].reshape(-1, 3, 4)
+    corners = np.take_along_axis(inner, which[None], axis=1)
+    return corners @ matrices[:, :, :3].transpose(0, 2, 1) + matrices[:, None, :, 3]
 
 
 def _compose_node(
-    copies: tuple[Array, Array], sphere: Array, axes: Array, library: tuple[Array, ...], slicing: Slicing, part: int
+    copies: tuple[Array, Array], axes: Array, library: tuple[Array, ...], slicing: Slicing, part: int
 ) -> list[Stacks]:
     """Stacks of a part from those of its copies: their rows in the library so far, and matrices."""
     spheres, resolutions, stacks, slabs, heights, _, texels = library
@@ -123,13 +132,13 @@ def _compose_node(
         rays = COMPOSED_RAYS if resolution > 8 else 2 * COMPOSED_RAYS
         dense = np.zeros((len(axes), count, resolution, resolution, kernels.TEXEL), np.uint8)
         levels = np.empty((len(axes), count), np.float32)
-        compose(copies, sphere, axes, lookup, given, FINENESS, rays, dense, levels)
+        compose(copies, spheres[part], axes, lookup, given, FINENESS, rays, dense, levels)
         found.append(packed_stacks(part, dense, levels))
     return found
 
 
 def bounding_sphere(corners: Array) -> Array:
-    """(4,) float64: centre of the box around (F, 3, 3) corners, and how far they reach from it."""
+    """(4,) float64: centre of the box around (..., 3) corners, and how far they reach from it."""
     points = corners.reshape(-1, 3)
     center = 0.5 * (points.min(axis=0) + points.max(axis=0))
     return np.append(center, np.linalg.norm(points - center, axis=1).max() * (1 + 1e-6))
@@ -143,16 +152,17 @@ def face_normals_of(corners: Array) -> Array:
 
 
 def _slice_node(
-    corners: Array,
-    paints: Array,
+    mesh: tuple[Array, Array],
+    sphere: Array,
     axes: Array,
     resolutions: list[int],
     slicing: Slicing,
     scale: float,
     overlap: float,
     part: int,
-) -> tuple[Array, list[Stacks]]:
-    sphere = bounding_sphere(corners)
+) -> list[Stacks]:
+    """Stacks of a part from its polygons: corners and paints (F, 3, 3)."""
+    corners, paints = mesh
     normals, tops = face_normals_of(corners), np.empty((0, 0, 0, 0), np.float32)
     local, paints = (corners - sphere[:3]).astype(np.float32), np.ascontiguousarray(paints, np.float32)
     found = []
@@ -163,4 +173,4 @@ def _slice_node(
         heights = np.empty((len(axes), slabs), np.float32)
         kernels.prefilter(local, paints, normals, axes, sphere[3], rays, 1.0 / scale, overlap, dense, heights, tops)
         found.append(packed_stacks(part, dense, heights))
-    return sphere, found
+    return found

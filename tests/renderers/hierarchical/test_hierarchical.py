@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numba
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 import ibrpipe
 from ibrpipe.bench.forest.run import psnr
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers.hierarchical import prefiltering
 from ibrpipe.renderers.hierarchical.coverage import OVERLAP, choose_coverage
 from ibrpipe.renderers.hierarchical.nodes import scene_nodes
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing, prerender_nodes
@@ -16,6 +19,7 @@ from ibrpipe.synthetic.instanced.city import city
 from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
 from ibrpipe.synthetic.instanced.pieces import painted_box, placed, turned
 from ibrpipe.synthetic.instanced.solids import painted_ball, solids
+from ibrpipe.synthetic.instanced.trees import tree
 from ibrpipe.types import Camera, Instances, Light, Lighting, Mesh, PaintedMesh, Part, Scene
 from ibrpipe.types.prerendered import PrerenderedScene
 
@@ -334,3 +338,44 @@ def test_more_triangles_than_integers_count_are_drawn():
     parts += [Part(str(n + 1), children=(Instances(str(n), pair),)) for n in range(80)]
     nodes = scene_nodes(Scene(parts, "80"))
     assert nodes.triangles.tolist() == [12 * 2.0**n for n in range(81)]
+
+
+def bushes(scale=1.0):
+    """A scene of four groves of four cells of sixteen twigs; `scale` of the twigs' places in a cell."""
+    rng = np.random.default_rng(2)
+
+    def scattered(count, reach):
+        turns = [turned(rng.normal(size=3), rng.uniform(0, 6.28)) for _ in range(count)]
+        return np.stack([placed(rng.uniform(-reach, reach, 3), turn) for turn in turns])
+
+    cell = scattered(16, 1.5)
+    cell[:, :3, 3] *= scale
+    parts = [*tree("maple")[:2], Part("cell", children=(Instances("maple-twig", cell),))]
+    parts.append(Part("grove", children=(Instances("cell", scattered(4, 3.0)),)))
+    return Scene([*parts, Part("root", children=(Instances("grove", scattered(4, 6.0)),))], "root")
+
+
+def test_slices_made_from_copies_are_as_good_as_those_of_polygons(monkeypatch):
+    slicing = replace(COARSE, finest=32)
+    direct = prepared(bushes(), slicing)
+    monkeypatch.setattr(prefiltering, "MOST_POLYGONS", 1000)
+    data = prepared(bushes(), slicing)
+    nodes = data.data.nodes
+    made = [name for n, name in enumerate(nodes.names) if prefiltering.is_composed(nodes, n)]
+    assert made == ["cell", "grove", "root"]
+    for distance, parts in ((100, 4), (40, 16)):  # groves, cells
+        camera = Camera.look_at((0, -distance, 0.2 * distance), (0, 0, 0), fov_y_deg=30, width=64, height=48)
+        exact = ibrpipe.render(data, camera, "hierarchical", mode="polygons")
+        frame, other = (ibrpipe.render(each, camera, "hierarchical") for each in (data, direct))
+        assert (frame.stats["triangles"], frame.stats["parts"]) == (0, parts)
+        assert psnr(over(frame), over(exact)) > psnr(over(other), over(exact)) - 0.5
+        # of views all around, at 48 directions, the cover is 5 % less to 2 % more
+        assert abs(float(frame.alpha.sum() / exact.alpha.sum() - 1)) < 0.06
+
+
+def test_slices_of_cells_that_hold_their_copies_elsewhere_are_refused(monkeypatch):
+    monkeypatch.setattr(prefiltering, "MOST_POLYGONS", 1000)
+    slices = prerender_nodes(scene_nodes(bushes()), Slicing(6, 6.0, 1, 4))
+    assert ibrpipe.prepare(PrerenderedScene(bushes(), slices), "hierarchical").data.library is slices
+    with pytest.raises(RendererError, match="part 'cell' is larger, smaller or elsewhere"):
+        ibrpipe.prepare(PrerenderedScene(bushes(1.5), slices), "hierarchical")
