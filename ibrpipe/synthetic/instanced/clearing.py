@@ -39,18 +39,28 @@ def clearing(wood: Scene, asset: Asset, height: float = 3.0, seed: int = 5) -> S
     middle = 0.5 * (low + high)
     stand = placed(-scale * np.array([middle[0], middle[1], low[2]]) + (0, 0, 0.02), None, scale)
     root = wood.parts[wood.root]
-    trees = tuple(_outside(copies, radius) for copies in root.children)
+    trees: dict[str, list[Array]] = {}
+    for planted in root.children:
+        _add_outside(trees, wood, planted.part, planted.matrices, radius)
     rng = np.random.default_rng((seed, 3))
     added = [Part("grass", (_tuft(rng),)), Part("captured", sources=(asset,))]
     copies = (Instances("grass", _lawn(radius, rng)), Instances("captured", stand))
     ground = (*root.meshes, _disc(radius))
     rest = [part for part in wood.parts.values() if part is not root]
-    return Scene([*rest, *added, Part(root.name, ground, children=(*trees, *copies))], wood.root, wood.lighting)
+    left = (Instances(name, np.concatenate(matrices)) for name, matrices in trees.items())
+    return Scene([*rest, *added, Part(root.name, ground, children=(*left, *copies))], wood.root, wood.lighting)
 
 
-def _outside(copies: Instances, radius: float) -> Instances:
-    far = np.hypot(copies.matrices[:, 0, 3], copies.matrices[:, 1, 3]) > radius
-    return Instances(copies.part, copies.matrices[far])
+def _add_outside(trees: dict[str, list[Array]], wood: Scene, name: str, matrices: Array, radius: float) -> None:
+    """Add copies (N, 4, 4) of a part that stand outside; cells and groves that reach inside are taken apart."""
+    part, box = wood.parts[name], wood.bounds[name]
+    group = not part.meshes
+    reach = float(np.hypot(*np.maximum(np.abs(box.low), np.abs(box.high))[:2])) if group else 0.0
+    outside = np.hypot(matrices[:, 0, 3], matrices[:, 1, 3]) > radius + reach
+    trees.setdefault(name, []).append(matrices[outside])
+    for copies in part.children if group else ():
+        moved = np.einsum("nij,mjk->nmik", matrices[~outside], copies.matrices).reshape(-1, 4, 4)
+        _add_outside(trees, wood, copies.part, moved, radius)
 
 
 def _tuft(rng: np.random.Generator) -> PaintedMesh:
