@@ -12,13 +12,11 @@ import numpy as np
 
 from ibrpipe.bench.forest.embree_instances import EmbreeScene
 from ibrpipe.bench.forest.packets import ROWS, packet_caster
-from ibrpipe.core.hierarchy import traverse
 from ibrpipe.renderers.hierarchical.nodes import OWN, Nodes
+from ibrpipe.renderers.hierarchical.selection import copies_of
 from ibrpipe.types import Array, Camera, Lighting
 
 _COHERENT = 1 << 16
-
-
 #: triangles up to which a part is one mesh, not copies of others
 FLATTENED = 100_000
 
@@ -31,12 +29,7 @@ def copies_of_trees(nodes: Nodes) -> tuple[Array, Array]:
         large = (nodes.triangles[here] > FLATTENED) | (here == nodes.root)
         large &= nodes.copies[here + 1] > nodes.copies[here]
         kept.append((here[~large], poses[~large]))
-        counts = (nodes.copies[here + 1] - nodes.copies[here])[large]
-        parents = np.repeat(np.flatnonzero(large), counts)
-        copies = np.arange(len(parents)) + np.repeat(nodes.copies[here[large]] - np.cumsum(counts) + counts, counts)
-        inner, moved = np.empty(len(parents), np.int32), np.empty((len(parents), 12))
-        traverse.expand(parents, copies, poses, nodes.children, nodes.matrices, inner, moved)
-        here, poses = inner, moved
+        here, poses = copies_of(nodes, here, poses, np.flatnonzero(large))
     return np.concatenate([each for each, _ in kept]), np.concatenate([each for _, each in kept])
 
 

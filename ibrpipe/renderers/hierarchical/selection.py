@@ -41,14 +41,19 @@ def select(nodes: Nodes, guide: Guide, here: Array, poses: Array, limits: Array)
         drawn, flat, apart = (np.flatnonzero(action == n) for n in (traverse.SLICES, traverse.POLYGONS, traverse.PARTS))
         slices.append((here[drawn], poses[drawn], choice[drawn]))
         polygons.append((here[flat], poses[flat]))
-        firsts = nodes.copies[here[apart]]
-        counts = nodes.copies[here[apart] + 1] - firsts
-        parents = np.repeat(apart, counts)
-        copies = np.arange(len(parents)) + np.repeat(firsts - np.cumsum(counts) + counts, counts)
-        inner, moved = np.empty(len(parents), np.int32), np.empty((len(parents), 12))
-        with limited_threads(0 if len(parents) > FEW else 1):
-            traverse.expand(parents, copies, poses, nodes.children, nodes.matrices, inner, moved)
-        here, poses = inner, moved
+        here, poses = copies_of(nodes, here, poses, apart)
     return Selection(
         *(np.concatenate(each) for each in zip(*slices)), *(np.concatenate(each) for each in zip(*polygons))
     )
+
+
+def copies_of(nodes: Nodes, here: Array, poses: Array, apart: Array) -> tuple[Array, Array]:
+    """Nodes (M,) int32 and poses (M, 12) of the copies that `here[apart]` (N,) hold; `poses` are those of `here`."""
+    firsts = nodes.copies[here[apart]]
+    counts = nodes.copies[here[apart] + 1] - firsts
+    parents = np.repeat(apart, counts)
+    copies = np.arange(len(parents)) + np.repeat(firsts - np.cumsum(counts) + counts, counts)
+    inner, moved = np.empty(len(parents), np.int32), np.empty((len(parents), 12))
+    with limited_threads(0 if len(parents) > FEW else 1):
+        traverse.expand(parents, copies, poses, nodes.children, nodes.matrices, inner, moved)
+    return inner, moved

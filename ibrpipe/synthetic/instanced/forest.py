@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrpipe.errors import ValueRangeError
-from ibrpipe.synthetic.instanced.groves import CELL, GROVE, SPACING, patterns, places_of_grid, plant, plant_blocks
+from ibrpipe.synthetic.instanced.groves import SPACING, patterns, places_of_grid, plant, plant_blocks
 from ibrpipe.synthetic.instanced.pieces import painted_ground
 from ibrpipe.synthetic.instanced.trees import SPECIES, tree
 from ibrpipe.types import Camera, Instances, Part, Scene
@@ -45,8 +45,8 @@ def forest(trees: int, seed: int = 5, species: Sequence[str] = tuple(SPECIES)) -
     if trees > FLAT:
         parts += patterns(kinds, seed)
         copies, grid = plant_blocks(trees, side, rng)
-    held = sum(len(each) * (GROVE if each.part.startswith("grove") else CELL) ** 2 for each in copies)
-    chosen = grid[rng.permutation(len(grid))[: trees - held]]
+    gaps = side * side - trees
+    chosen = grid[rng.permutation(len(grid))[: len(grid) - gaps]]
     copies = [*plant(chosen - (side - 1) / 2, kinds, rng), *copies]
     ground = painted_ground(10 * side * SPACING, GROUND)
     return Scene([*parts, Part("forest", (ground,), children=tuple(copies))], "forest")
