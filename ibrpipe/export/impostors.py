@@ -26,6 +26,8 @@ INDEX = "impostors.json"
 GRID, TEXELS, RAYS = 8, 128, 3
 #: triangles of a part at the most, its copies taken apart
 MOST_POLYGONS = 4_000_000
+#: polygons above which a group of copies is taken apart
+_GROUP = 250_000
 _SIDES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
 
 
@@ -52,7 +54,7 @@ def write(source: Path, target: Path) -> None:
         A file cannot be written.
     """
     scene = read_scene(source)
-    names = dict.fromkeys(held_parts(scene, scene.root)) or {scene.root: None}
+    names = held_parts(scene, scene.root) or [scene.root]
     shown = [name for name in names if scene.polygons[name]]
     if not shown:
         raise ConfigError(f"{source}: what its root holds has no meshes, so there are no impostors to make")
@@ -73,6 +75,22 @@ def write(source: Path, target: Path) -> None:
         raise ResourceError(f"{target}: cannot write: {error.strerror or error}") from error
 
 
+def held_parts(scene: Scene, name: str) -> list[str]:
+    """Parts that a part holds copies of, once each; groups of more than 250,000 polygons are taken apart."""
+    found = []
+    waiting, met = [name], {name}
+    while waiting:
+        inner = waiting.pop()
+        part = scene.parts[inner]
+        if inner == name or (scene.polygons[inner] > _GROUP and part.children and not part.meshes):
+            held = [each for each in dict.fromkeys(copies.part for copies in part.children) if each not in met]
+            met.update(held)
+            waiting += reversed(held)
+        else:
+            found.append(inner)
+    return found
+
+
 def folder_names(parts: list[str]) -> list[str]:
     """Return names of folders, one for every part: plain letters, no leading dot, none twice (capitals aside)."""
     found: dict[str, str] = {}
@@ -91,8 +109,8 @@ def write_atlas(
 ) -> Impostors:
     """Write the atlas of one part; see `Impostors`. ``impostors.json`` is written last."""
     painted = joined(scene.flattened(name))
-    bounds = 0.5 * (painted.mesh.vertices.min(axis=0) + painted.mesh.vertices.max(axis=0))
-    radius = float(np.linalg.norm(painted.mesh.vertices - bounds, axis=1).max()) or 1.0
+    center = 0.5 * (painted.mesh.vertices.min(axis=0) + painted.mesh.vertices.max(axis=0))
+    radius = float(np.linalg.norm(painted.mesh.vertices - center, axis=1).max()) or 1.0
     axes = view_axes(np.concatenate([octahedral_directions(grid), _SIDES]))
     caster = MeshCaster(painted.mesh)
     cells = [(n // grid, n % grid) for n in range(grid * grid + len(_SIDES))]
@@ -100,7 +118,7 @@ def write_atlas(
     albedo, normal = (np.zeros((height, grid * texels, 3), np.float32) for _ in range(2))
     cover, depth = (np.full((height, grid * texels), fill, np.float32) for fill in (0.0, np.inf))
     for (row, column), view in zip(cells, axes, strict=True):
-        picture = cast_view(caster, painted, view, bounds, radius, texels, rays)
+        picture = cast_view(caster, painted, view, center, radius, texels, rays)
         place = np.s_[row * texels : (row + 1) * texels, column * texels : (column + 1) * texels]
         albedo[place], normal[place] = picture.albedo, picture.normal
         cover[place], depth[place] = picture.cover, picture.depth
@@ -112,7 +130,7 @@ def write_atlas(
         for (row, column), view in zip(cells, axes, strict=True)
     ]
     document = Impostors(
-        part=name, center=bounds.tolist(), radius=radius, texels=texels, grid=grid,
+        part=name, center=center.tolist(), radius=radius, texels=texels, grid=grid,
         albedo="albedo.png", normal="normal.exr", depth="depth.exr", views=views,
     )  # fmt: skip
     write_text(folder / INDEX, document.to_json() + "\n")
@@ -169,17 +187,3 @@ def cast_view(
 EXPORTER = Exporter(
     "impostors", "Octahedral and six-sided impostors of a scene's parts, for game engines.", write, takes="scene"
 )
-
-
-#: polygons above which a group of copies is taken apart
-_GROUP = 250_000
-
-
-def held_parts(scene: Scene, name: str) -> list[str]:
-    """Parts that a part holds copies of; groups of more than 250,000 polygons are taken apart."""
-    found: list[str] = []
-    for held in dict.fromkeys(copies.part for copies in scene.parts[name].children):
-        part = scene.parts[held]
-        apart = scene.polygons[held] > _GROUP and part.children and not part.meshes
-        found += held_parts(scene, held) if apart else [held]
-    return found
