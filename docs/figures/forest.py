@@ -9,17 +9,12 @@ from pathlib import Path
 import numpy as np
 
 import ibrpipe
-from ibrpipe.bench.forest.run import SKY
+from ibrpipe.bench.forest.pictures import our_picture, over_sky
 from ibrpipe.core.color import srgb_decode, srgb_encode
 from ibrpipe.io.photos.images import write_png
 from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
 
 TREES, SIZE, GAIN = 100, (280, 210), 4.0
-
-
-def over_sky(frame):
-    """A frame over the plain sky of the bench."""
-    return frame.color * frame.alpha[..., None] + (1 - frame.alpha[..., None]) * np.array(SKY, np.float32)
 
 
 def main(folder):
@@ -28,8 +23,7 @@ def main(folder):
     rows = []
     for camera in forest_cameras(TREES, *SIZE).values():
         ours, paper, exact = (
-            over_sky(ibrpipe.render(prepared, camera, "hierarchical", mode=mode))
-            for mode in ("slices", "reproject", "polygons")
+            over_sky(*our_picture(prepared, camera, mode)) for mode in ("slices", "reproject", "polygons")
         )
         error = srgb_decode(np.clip(GAIN * np.abs(srgb_encode(ours) - srgb_encode(exact)), 0, 1))
         rows.append(np.concatenate([ours, paper, exact, error], axis=1))
