@@ -24,7 +24,7 @@ def write_growth_plot(rows: Sequence[ForestRow], file: Path) -> None:
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     axes = figure.add_subplot()
     for view in dict.fromkeys(row.view for row in rows):
         shown = sorted((row for row in rows if row.view == view), key=lambda row: row.trees)
@@ -41,7 +41,7 @@ def write_growth_plot(rows: Sequence[ForestRow], file: Path) -> None:
     axes.set_ylabel("ms a frame (CPU time over threads)")
     axes.grid(True, which="major", color="#e4e4df")
     if axes.lines:
-        axes.legend(frameon=False, fontsize=9)
+        figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     file.parent.mkdir(parents=True, exist_ok=True)
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "ibrpipe"}):
         figure.savefig(file, dpi=110)
