@@ -7,6 +7,7 @@ from dataclasses import replace
 import numba
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import ibrpipe
 from ibrpipe.bench.forest.run import psnr
@@ -260,6 +261,26 @@ def test_solids_leak_little_where_slabs_overlap():
     assert leak[OVERLAP] < 0.01
     rule = choose_coverage(nodes, Slicing()).overlaps
     assert rule["wall"] == OVERLAP
+
+
+def test_flat_plates_let_nothing_through_from_anywhere():
+    plate = Part("plate", (painted_box((-31, -31, -0.2), (31, 31, 0.15), (0.4, 0.4, 0.4)),))
+    copies = Instances("plate", np.stack([placed((0, 0, 0)), placed((0, 9e6, 0))]))
+    data = prepared(Scene([plate, Part("root", children=(copies,))], "root"), replace(COARSE, finest=32))
+    costs = np.zeros_like(data.data.guide.costs)
+    forced = replace(data, data=replace(data.data, guide=replace(data.data.guide, costs=costs)))
+    leaks = {"ruled": [], "forced": []}
+    for pixels in (7, 11, 16, 22):  # across the plate's sphere
+        for rise in np.radians((6, 20, 45, 80)):
+            eye = (43.9 * 2 * 480 / pixels) * np.array([0.8 * np.cos(rise), 0.6 * np.cos(rise), np.sin(rise)])
+            camera = Camera.look_at(eye, (0, 0, 0), fov_y_deg=3.8, width=32, height=32)
+            exact = ibrpipe.render(data, camera, "hierarchical", mode="polygons").alpha
+            inside = ndimage.binary_erosion(exact == 1, np.ones((3, 3)))
+            for name, shown in (("ruled", data), ("forced", forced)):
+                leaks[name].append(1 - ibrpipe.render(shown, camera, "hierarchical").alpha[inside])
+    ruled, forced = (np.concatenate(leaks[name]) for name in ("ruled", "forced"))
+    assert len(ruled) > 100
+    assert ruled.max() < 0.01 < forced.max()
 
 
 def test_what_cannot_be_drawn_is_refused(trees):
