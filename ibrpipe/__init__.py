@@ -10,7 +10,6 @@ from ibrpipe.version import VERSION as __version__
 if TYPE_CHECKING:
     from ibrpipe.io.assets import read_asset, read_textures, write_asset
     from ibrpipe.io.captures import read_capture
-    from ibrpipe.io.photos.pictures import write_picture
     from ibrpipe.io.scenes import read_scene, write_scene
     from ibrpipe.io.surfaces.materials import read_relief_mesh, read_relief_meshes
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
@@ -72,7 +71,6 @@ _HOME = {
     "read_textures": "io.assets",
     "render": "renderers.api",
     "write_asset": "io.assets",
-    "write_picture": "io.photos.pictures",
     "write_scene": "io.scenes",
 }
 
@@ -113,7 +111,6 @@ __all__ = [
     "render",
     "renderers",
     "write_asset",
-    "write_picture",
     "write_scene",
 ]
 

@@ -99,17 +99,9 @@ def write_frames(path: Path, document: documents.Frames) -> None:
 
 def write_frame(frame: Frame, stem: Path) -> dict[str, str]:
     """Write STEM.exr and, where there is colour, STEM.png; each appears only when it is complete."""
-    channels: dict[str, Array] = {}
-    if frame.color is not None:
-        color = frame.color if frame.alpha is None else frame.color * frame.alpha[..., None]  # as OpenEXR wants it
-        channels.update(zip("RGB", np.moveaxis(color, 2, 0)))
-    if frame.alpha is not None:
-        channels["A"] = frame.alpha
-    if frame.depth is not None:
-        channels["Z"] = frame.depth
     folder, parent = stem.parent, stem.parent.name
     exr, png = f"{stem.name}.exr", f"{stem.name}.png"
-    write_exr(folder / f".{exr}", channels)
+    write_exr(folder / f".{exr}", frame.channels)
     (folder / f".{exr}").replace(folder / exr)
     if frame.color is None:
         return {"file": f"{parent}/{exr}"}

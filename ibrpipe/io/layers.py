@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
-from ibrpipe.io.photos.image_files import one_line
-from ibrpipe.io.photos.images import FIXED_DATE
 from ibrpipe.io.untrusted.boundary import reader
+from ibrpipe.picture_files import FIXED_DATE, one_line
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame
 from ibrpipe.types.layers import offsets_of
 

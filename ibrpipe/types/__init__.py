@@ -6,8 +6,9 @@ light with Rec.709 primaries; rays and poses are float64, stored arrays float32;
 """
 
 from ibrpipe.types.arrays import Array
-from ibrpipe.types.asset import Asset, Frame
+from ibrpipe.types.asset import Asset
 from ibrpipe.types.camera import Camera, ParallelFrame
+from ibrpipe.types.frame import Frame
 from ibrpipe.types.lighting import Light, Lighting
 from ibrpipe.types.mesh import Mesh
 from ibrpipe.types.parts import Instances, PaintedMesh, Part

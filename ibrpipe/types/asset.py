@@ -1,16 +1,14 @@
-"""Finished assets, and the pictures that are rendered of them."""
+"""Finished assets."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
-import ibrpipe
 from ibrpipe.errors import ValueRangeError
 from ibrpipe.types.arrays import Array
+from ibrpipe.types.bounds import bounds_of
 from ibrpipe.types.texture import Texture
 from ibrpipe.types.view_dependence import SharedData
 
@@ -42,8 +40,6 @@ class Asset:
         ValueRangeError
             The asset holds no sample.
         """
-        from ibrpipe.types.bounds import bounds_of
-
         return bounds_of(self.textures, self.info)
 
     @property
@@ -67,46 +63,3 @@ class Asset:
                     f"components of kind {part.kind!r} share two different objects; an asset holds one of each kind"
                 )
         return found
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """A rendered picture. What was not asked for is None.
-
-    Attributes
-    ----------
-    color : (H, W, 3) float32, linear light, 0 where nothing is hit
-    depth : (H, W) float32, along camera z, scene units, +inf where nothing is hit
-    alpha : (H, W) float32, 1 where something is hit
-    stats : mapping of figures such as ``rays``, ``hits``, ``milliseconds``
-    """
-
-    color: Array | None
-    depth: Array | None
-    alpha: Array | None
-    stats: Mapping[str, Any] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        """Return the size and which arrays there are; their values are left out."""
-        arrays = {"color": self.color, "depth": self.depth, "alpha": self.alpha}
-        there = {name: array for name, array in arrays.items() if array is not None}
-        size = "".join(f"{array.shape[1]} x {array.shape[0]}: " for array in [*there.values()][:1])
-        return f"Frame({size}{', '.join(there) or 'empty'})"
-
-    def save(self, path: Path | str) -> None:
-        """Write the frame as ``.png`` (8-bit sRGB) or ``.exr`` (linear light with alpha and depth).
-
-        Raises
-        ------
-        FormatError, ShapeError
-            The name ends in something else; there is no colour.
-        """
-        ibrpipe.write_picture(self, path)
-
-    def _repr_png_(self) -> bytes | None:
-        """Return the picture that notebooks show; None without colour."""
-        if self.color is None:
-            return None
-        with TemporaryDirectory() as folder:
-            self.save(Path(folder) / "frame.png")
-            return (Path(folder) / "frame.png").read_bytes()

@@ -24,8 +24,8 @@ from ibrpipe.io.layer_pictures.coding import Coding
 from ibrpipe.io.layer_pictures.normal_parts import pack_normals, unpack_normals
 from ibrpipe.io.layer_pictures.planes import pack_occupancy, planes_of, unpack_occupancy
 from ibrpipe.io.layers import frame_as_json, frame_from_json
-from ibrpipe.io.photos.image_files import one_line
 from ibrpipe.io.untrusted.boundary import reader
+from ibrpipe.picture_files import one_line
 from ibrpipe.types import Camera, LayeredDepthImage
 
 NAME = "layers.zip"

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 
 from ibrpipe.errors import FormatError, ResourceError
-from ibrpipe.io.photos.image_files import one_line
+from ibrpipe.picture_files import one_line
 from ibrpipe.types import Array
 
 #: longest edge that decoders take

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.errors import FormatError, ResourceError
-from ibrpipe.io.photos.image_files import one_line
+from ibrpipe.picture_files import one_line
 from ibrpipe.types import Array
 
 #: the reader looks at so many bytes before it believes that a file is JPEG XL, and tiny pictures have fewer

@@ -14,10 +14,9 @@ import numpy as np
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.photos.channel_names import best_part, plain_names
 from ibrpipe.io.untrusted.boundary import reader
+from ibrpipe.picture_files import LINEAR, SRGB, one_line
 from ibrpipe.types import Array
 
-LINEAR = "lin_rec709_scene"
-SRGB = "srgb_rec709_scene"
 #: pixels of an image at the most; pixels that its display window may have for one that is stored, or in any case
 MOST_PIXELS, MOST_EMPTY, LEAST_WINDOW = 1 << 29, 16, 1 << 24
 #: Words in an ICC profile's description -> name of the colour space in OpenColorIO's built-in config
@@ -117,11 +116,6 @@ def turned(picture: Array, orientation: int) -> Array:
     quarter_turns, mirrored = _TURNS[orientation]
     turned = np.rot90(picture, quarter_turns)
     return np.ascontiguousarray(turned[:, ::-1] if mirrored else turned)
-
-
-def one_line(text: str) -> str:
-    """Join the lines of a library's message."""
-    return "; ".join(line.strip() for line in text.splitlines() if line.strip())
 
 
 def _open(path: Path) -> Any:
