@@ -10,14 +10,14 @@ import numpy as np
 
 from ibrpipe.core.color import srgb_encode, to_bytes
 from ibrpipe.errors import CaptureError, FormatError, MissingFileError
-from ibrpipe.io.cameras.lenses import Lens, project
+from ibrpipe.io.cameras.lenses import Lens, pinhole_lens, project
 from ibrpipe.io.photos.images import read_image
 from ibrpipe.io.points import SparsePoints, read_points
-from ibrpipe.io.views import View, ViewSet, read_views
+from ibrpipe.io.views import IN_RUN, View, ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.types import Array
 
-VIEWS, POINTS = "ingest/views.json", "ingest/points.npz"
+POINTS = "ingest/points.npz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +48,10 @@ def read_run_cameras(run: Path) -> RunCameras:
     MissingFileError, FormatError
         The folder is no run with ingested photos, or a file in it is damaged.
     """
-    if not (run / VIEWS).is_file():
-        raise MissingFileError(f"{run}: holds no {VIEWS}; give the folder of a run, whose cameras are to be exported")
+    if not (run / IN_RUN).is_file():
+        raise MissingFileError(f"{run}: holds no {IN_RUN}; give the folder of a run, whose cameras are to be exported")
     points = run / POINTS
-    return RunCameras(read_views(run / VIEWS), read_points(points) if points.is_file() else None)
+    return RunCameras(read_views(run / IN_RUN), read_points(points) if points.is_file() else None)
 
 
 def photo_lens(view: View) -> Lens:
@@ -67,8 +67,7 @@ def photo_lens(view: View) -> Lens:
     camera = view.full_camera
     if abs(camera.K[0, 1]) > 1e-9 * camera.K[0, 0]:
         raise FormatError(f"photo {view.name}: its pixels are skewed by {camera.K[0, 1]:g}, which no camera model says")
-    params = (camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2])
-    return Lens("PINHOLE", tuple(map(float, params)), camera.width, camera.height)
+    return pinhole_lens(camera)
 
 
 def point_pixels(view: View, xyz: Array) -> Array:

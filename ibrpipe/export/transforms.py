@@ -15,7 +15,7 @@ from ibrpipe.export.ply import ply_bytes
 from ibrpipe.export.registry import Exporter
 from ibrpipe.export.whole_file import check_file, write_files
 from ibrpipe.io.cameras.lenses import Lens
-from ibrpipe.io.cameras.transforms import OPENCV_FROM_OPENGL
+from ibrpipe.io.cameras.transforms import opengl_pose
 from ibrpipe.io.views import View
 from ibrpipe.types import Array
 
@@ -65,13 +65,10 @@ def write(source: Path, target: Path) -> str:
 
 
 def _frame(view: View, folder: Path) -> dict[str, Any]:
-    matrix = np.eye(4)
-    matrix[:3, :3] = view.camera.R.T @ OPENCV_FROM_OPENGL
-    matrix[:3, 3] = view.camera.center
     frame = {"file_path": _relative(view.image, folder), **_lens_keys(photo_lens(view), view.name)}
     if view.mask is not None:
         frame["mask_path"] = _relative(view.mask, folder)
-    return {**frame, "transform_matrix": matrix.tolist()}
+    return {**frame, "transform_matrix": opengl_pose(view.camera)}
 
 
 def _lens_keys(lens: Lens, name: str) -> dict[str, Any]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError, ShapeError
 from ibrpipe.io.cameras.colmap_write import ModelImage, SparseModel, write_model
-from ibrpipe.io.cameras.lenses import Lens
+from ibrpipe.io.cameras.lenses import pinhole_lens
 from ibrpipe.io.photos.images import write_png
 from ibrpipe.io.views import View, load_view
 from ibrpipe.types import Array, Camera
@@ -219,6 +219,6 @@ def tied_model(names: Sequence[str], cameras: Sequence[Camera], read: Callable[[
     for number, (name, camera) in enumerate(zip(names, cameras, strict=True)):
         index, pixel = seen_in(camera, read(number), points)
         images.append(ModelImage(name, number, np.asarray(camera.cam_from_world), pixel, index))
-    lenses = tuple(Lens("PINHOLE", (c.K[0, 0], c.K[1, 1], c.K[0, 2], c.K[1, 2]), c.width, c.height) for c in cameras)
+    lenses = tuple(map(pinhole_lens, cameras))
     grey = np.full((len(points), 3), 128, np.uint8)
     return SparseModel(lenses, tuple(images), points, grey, np.zeros(len(points))).only(names)

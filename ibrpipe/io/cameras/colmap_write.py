@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ class ModelImage:
         Index into the model's lenses.
     cam_from_world : (3, 4) float64
     pixels : (N, 2) float64
-        Where points of the model lie in the photo.
+        Where points of the model lie in the photo; none unless given.
     points : (N,) int64
         Which points of the model they are.
     """
@@ -34,8 +34,8 @@ class ModelImage:
     name: str
     lens: int
     cam_from_world: Array
-    pixels: Array
-    points: Array
+    pixels: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    points: Array = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class SparseModel:
     lenses : tuple of Lens
     images : tuple of ModelImage
     xyz : (P, 3) float64
-        World, scene units.
+        World, scene units; no points unless given.
     rgb : (P, 3) uint8
     error : (P,) float64
         Mean reprojection error, pixels.
@@ -55,9 +55,9 @@ class SparseModel:
 
     lenses: tuple[Lens, ...]
     images: tuple[ModelImage, ...]
-    xyz: Array
-    rgb: Array
-    error: Array
+    xyz: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    rgb: Array = field(default_factory=lambda: np.zeros((0, 3), np.uint8))
+    error: Array = field(default_factory=lambda: np.zeros(0))
 
     def only(self, names: Iterable[str]) -> SparseModel:
         """Return the model of some of the photos, with the points that at least two of them see."""

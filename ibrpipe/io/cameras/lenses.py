@@ -77,6 +77,12 @@ class Lens:
         return np.asarray(_camera(self).calibration_matrix(), np.float64)
 
 
+def pinhole_lens(camera: Camera) -> Lens:
+    """Return the lens of a camera without skew."""
+    params = (camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2])
+    return Lens("PINHOLE", tuple(map(float, params)), camera.width, camera.height)
+
+
 def known_models() -> tuple[str, ...]:
     """Names of all camera models that can be turned into a pinhole camera."""
     names = import_pycolmap().CameraModelId.__members__

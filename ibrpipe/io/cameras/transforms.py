@@ -16,7 +16,7 @@ from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.io.cameras.shots import CameraSet, PhotoFolder, Shot
 from ibrpipe.io.cameras.transforms_lens import frame_keys, frame_lens
 from ibrpipe.io.untrusted.boundary import reader, reason, utf8_text
-from ibrpipe.types import Array
+from ibrpipe.types import Array, Camera
 
 TRANSFORMS = "transforms.json"
 #: Blender's, what photos are made from and what they are measured on; those of transforms_val.json are left out
@@ -125,6 +125,14 @@ def pose_from_opengl(world_from_camera: Array) -> Array:
     left, _, right = np.linalg.svd(rotation)
     rotation = OPENCV_FROM_OPENGL @ (left @ right).T
     return np.concatenate([rotation, -(rotation @ matrix[:3, 3])[:, None]], axis=1)
+
+
+def opengl_pose(camera: Camera) -> list[list[float]]:
+    """Return the ``transform_matrix`` (4, 4) of a camera: camera to world in OpenGL's axes, y up and z backwards."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = camera.R.T @ OPENCV_FROM_OPENGL
+    matrix[:3, 3] = camera.center
+    return [[float(value) for value in row] for row in matrix]
 
 
 def _sorted(shots: list[Shot]) -> tuple[Shot, ...]:
