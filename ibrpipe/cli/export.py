@@ -59,7 +59,7 @@ def command(source: Path, target: Path, form: str | None, notes: Path | None, ch
     options = [] if exporter.Options is None else [settings_of(exporter, changes)]
     if changes and not options:
         raise ConfigError(f"--set {changes[0]}: the form {exporter.name} has no settings; leave it out")
-    given = asset_folder(source) if exporter.takes == "asset" else source
+    given = asset_of(source) if exporter.takes == "asset" else source
     with display():
         told = exporter.write(given, target, *([] if notes is None else [notes]), *options)
     click.echo(f"{target}: {exporter.name} of {source}")
@@ -84,15 +84,12 @@ def settings_of(exporter: Exporter, changes: Sequence[str]) -> StageConfig:
         raise click.UsageError(str(error)) from error
 
 
-def asset_folder(path: Path) -> Path:
-    """Return the asset folder that `path` is, or the finished asset of the run folder that it is."""
+def asset_of(path: Path) -> Path:
+    """Return the asset folder that `path` is, or that of the run folder that it is; stages of others count."""
     from ibrpipe.engine.artifacts import products, sources
-    from ibrpipe.io.assets import INDEX
+    from ibrpipe.export.asset_folders import asset_folder
     from ibrpipe.stages.registry import load_stage, load_stages
 
-    if (path / INDEX).is_file():
-        return path
     stages = load_stages()
-    finished = path / products(stages)["asset"].path
-    uncompressed = path / sources(load_stage("compress"), stages)["asset"].path
-    return finished if finished.is_dir() or not uncompressed.is_dir() else uncompressed
+    uncompressed = sources(load_stage("compress"), stages)["asset"]
+    return asset_folder(path, (products(stages)["asset"].path, uncompressed.path))

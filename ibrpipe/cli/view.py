@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ibrpipe.cli.export import asset_folder
+from ibrpipe.cli.export import asset_of
 from ibrpipe.cli.options import PATH, example
 
 
@@ -28,7 +28,7 @@ def command(source: Path, notes: Path | None, port: int, browser: bool) -> None:
     from ibrpipe.export.page.exporter import page_of
     from ibrpipe.export.page.server import PageServer
 
-    with PageServer(page_of(asset_folder(source), notes), port) as server:
+    with PageServer(page_of(asset_of(source), notes), port) as server:
         click.echo(f"{source}: {server.address}")
         click.echo("Ctrl-C ends it.")
         if browser:

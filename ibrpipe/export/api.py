@@ -7,13 +7,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from ibrpipe.errors import ConfigError
+from ibrpipe.export.asset_folders import FINISHED, asset_folder
 from ibrpipe.export.registry import Exporter, exporter_for
-from ibrpipe.io.assets import INDEX, write_asset
+from ibrpipe.io.assets import write_asset
 from ibrpipe.io.yaml_settings import Settings, validated
 from ibrpipe.types import Asset
-
-#: where the finished asset lies in a run folder
-FINISHED = "asset"
 
 
 def export(source: Asset | str | Path, target: str | Path, form: str | None = None, **settings: Any) -> str | None:
@@ -45,23 +43,16 @@ def export(source: Asset | str | Path, target: str | Path, form: str | None = No
     exporter = exporter_for(target, form)
     more = _more(exporter, settings)
     if not isinstance(source, Asset):
-        return exporter.write(_folder(Path(source), exporter), target, *more)
+        folder = asset_folder(Path(source)) if exporter.takes == "asset" else Path(source)
+        return exporter.write(folder, target, *more)
     if exporter.takes != "asset":
         raise ConfigError(
             f"the form {exporter.name} takes a {exporter.takes} folder, no asset in memory; give its path"
         )
-    with TemporaryDirectory() as folder:
-        place = Path(folder) / target.stem / FINISHED
+    with TemporaryDirectory() as scratch:
+        place = Path(scratch) / target.stem / FINISHED
         write_asset(source, place)
         return exporter.write(place, target, *more)
-
-
-def _folder(path: Path, exporter: Exporter) -> Path:
-    """Return the finished asset of a run where an asset is wanted."""
-    inner = path / FINISHED
-    if exporter.takes == "asset" and not (path / INDEX).is_file() and (inner / INDEX).is_file():
-        return inner
-    return path
 
 
 def _more(exporter: Exporter, settings: dict[str, Any]) -> list[Any]:

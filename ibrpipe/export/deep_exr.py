@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ibrpipe.errors import ConfigError, ResourceError
 from ibrpipe.export.registry import Exporter
+from ibrpipe.export.whole_file import check_folder
 from ibrpipe.io.assets import INDEX, listed_files, read_asset, read_index
 from ibrpipe.io.own_files import put_in_place, recover
 from ibrpipe.io.recoding import finish, recode
@@ -28,8 +29,7 @@ def write(source: Path, target: Path) -> None:
     """
     if target.resolve() == source.resolve():
         raise ConfigError(f"{target} is the asset itself; name another folder")
-    if target.exists() and not (target / INDEX).is_file() and (target.is_file() or any(target.iterdir())):
-        raise ConfigError(f"{target} holds something that is no asset; name another folder")
+    check_folder(target, INDEX, "asset")
     index, asset = read_index(source), read_asset(source)
     draft = target.with_name(f".{target.name}.partial")
     try:

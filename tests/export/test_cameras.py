@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -139,3 +140,17 @@ def test_files_without_points_are_whole(run, tmp_path):
     assert "ply_file_path" not in json.loads((tmp_path / "t.json").read_text())
     assert ibrpipe.export(folder, tmp_path / "colmap").endswith("1 of them held out, 0 points")
     assert len(import_pycolmap().Reconstruction(str(tmp_path / "colmap")).images) == 5
+
+
+@pytest.mark.parametrize("name", ["a photo.png", "a\n2 1 0 0 0 0 0 0 1 b.png"])
+def test_names_that_colmap_cuts_are_refused_and_transforms_hold_them(run, tmp_path, name):
+    folder, views, _ = run
+    image = views[0].image.with_name(name)
+    write_views(ViewSet((replace(views[0], image=image),)), folder / "ingest/views.json")
+    (folder / "ingest/points.npz").unlink()
+    with pytest.raises(ibrpipe.IbrError, match=r"up to the first space; rename the photo and run again"):
+        ibrpipe.export(folder, tmp_path / "colmap")
+    assert not (tmp_path / "colmap").exists()
+    ibrpipe.export(folder, tmp_path / "transforms.json")
+    (frame,) = json.loads((tmp_path / "transforms.json").read_text())["frames"]
+    assert (tmp_path / frame["file_path"]).resolve() == image.resolve()

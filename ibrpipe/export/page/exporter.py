@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.core.color import srgb_encode, to_bytes
-from ibrpipe.errors import FormatError, ResourceError
+from ibrpipe.errors import FormatError
+from ibrpipe.export.asset_folders import name_of
 from ibrpipe.export.page.components import KINDS
 from ibrpipe.export.page.document import page_text
 from ibrpipe.export.page.notes import PageNotes, read_notes
@@ -17,6 +18,7 @@ from ibrpipe.export.page.packing import Packer
 from ibrpipe.export.page.surface import pack_surface, sample_places
 from ibrpipe.export.page.view import Start, find_start
 from ibrpipe.export.registry import Exporter
+from ibrpipe.export.whole_file import check_file, write_files
 from ibrpipe.io.assets import read_asset
 from ibrpipe.io.views import IN_RUN
 from ibrpipe.renderers.api import render
@@ -47,16 +49,9 @@ def write(source: Path, target: Path, notes: Path | None = None) -> None:
     ResourceError
         The page cannot be written.
     """
+    check_file(target)
     text = page_of(source, notes)
-    draft = target.with_name(f".{target.name}.partial")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(target)
-    except OSError as error:
-        raise ResourceError(f"{target}: cannot write: {error.strerror or error}") from error
-    finally:
-        draft.unlink(missing_ok=True)
+    write_files(target.parent, {target.name: text.encode("utf-8")})
     if len(text) > LARGE:
         size = f"{len(text) / 1e6:.0f} MB"
         remedy = "lower plan.oversampling, raise compress.loss_db"
@@ -68,12 +63,6 @@ def page_of(source: Path, notes: Path | None = None) -> str:
     words = PageNotes() if notes is None else read_notes(notes)
     views = source.parent / IN_RUN
     return make_page(read_asset(source), words, name_of(source), views if views.is_file() else None)
-
-
-def name_of(source: Path) -> str:
-    """Return what a page is called by itself: the name of the run's folder, or of the asset's."""
-    folder = source.resolve()
-    return folder.parent.name if folder.name == "asset" else folder.name
 
 
 def make_page(asset: Asset, notes: PageNotes, name: str, views: Path | None = None) -> str:

@@ -8,14 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrpipe.export.page.exporter import name_of, units_of
+from ibrpipe.export.asset_folders import name_of
+from ibrpipe.export.page.exporter import units_of
 from ibrpipe.export.page.surface import sample_places
 from ibrpipe.export.page.view import FIELD_OF_VIEW
 from ibrpipe.export.surface.colors import sphere
 from ibrpipe.export.surface.fidelity import Fidelity, measure
 from ibrpipe.export.surface.placement import gltf_from_world, metres_of, up_of
 from ibrpipe.io.assets import read_asset
-from ibrpipe.io.views import ViewSet, read_views
+from ibrpipe.io.views import IN_RUN, ViewSet, read_views
 from ibrpipe.types import Array, Asset, Camera, Frame
 
 #: of pictures that are measured where there are no photos
@@ -67,7 +68,7 @@ def read_source(folder: Path) -> Exported:
         The asset is missing or damaged.
     """
     asset = read_asset(folder)
-    file = folder.parent / "ingest/views.json"
+    file = folder.parent / IN_RUN
     views = read_views(file) if file.is_file() else None
     units = units_of(asset)
     up = up_of([] if views is None else [view.camera for view in views.train])
