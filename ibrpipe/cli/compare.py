@@ -3,14 +3,31 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import TypeVar
 
 import click
 
-from ibrpipe.cli.options import PATH, example
+from ibrpipe.cli.options import PATH, example, json_option
 from ibrpipe.cli.show import display
 from ibrpipe.errors import MissingFileError
+
+_Command = TypeVar("_Command", bound=Callable[..., None])
+
+
+def _thresholds(kind: click.FloatRange, usual: tuple[float, ...], unit: str) -> Callable[[_Command], _Command]:
+    """Add the option --threshold."""
+    return click.option(
+        "--threshold",
+        "thresholds",
+        type=kind,
+        multiple=True,
+        default=usual,
+        show_default=True,
+        help=f"{unit}; may be given several times.",
+    )
 
 
 @click.command(
@@ -20,16 +37,7 @@ from ibrpipe.errors import MissingFileError
 @click.argument("dense", type=PATH)
 @click.argument("stereo", type=PATH)
 @click.option("--view", default=None, metavar="NAME", help="The left picture.  [default: the first by name]")
-@click.option(
-    "--threshold",
-    "thresholds",
-    type=click.FloatRange(0, min_open=True),
-    multiple=True,
-    default=(0.5, 1.0, 2.0, 4.0),
-    show_default=True,
-    help="Pixels of disparity; may be given several times.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON on stdout.")
+@_thresholds(click.FloatRange(0, min_open=True), (0.5, 1.0, 2.0, 4.0), "Pixels of disparity")
 def compare_depth(dense: Path, stereo: Path, view: str | None, thresholds: tuple[float, ...], as_json: bool) -> None:
     """Measure the depth map of a rectified pair's left picture in the folder DENSE against the folder STEREO.
 
@@ -50,6 +58,9 @@ def compare_depth(dense: Path, stereo: Path, view: str | None, thresholds: tuple
         click.echo(
             f"  bad-{threshold:g}  {100 * bad:.1f} % of those with depth; with those without, {100 * lost:.1f} % of all"
         )
+
+
+compare_depth.params.append(json_option)
 
 
 def _depth_map(dense: Path, view: str | None) -> Path:
@@ -73,19 +84,12 @@ def _depth_map(dense: Path, view: str | None) -> Path:
 @click.argument("mesh", type=PATH)
 @click.argument("truth", type=PATH)
 @click.option("--views", type=PATH, metavar="FILE", help="views.json: only what two of its photos see counts.")
-@click.option(
-    "--threshold",
-    "thresholds",
-    type=click.FloatRange(0, 1, min_open=True),
-    multiple=True,
-    default=(0.0025, 0.005, 0.01),
-    show_default=True,
-    help="Distance as a share of the true surface's diagonal; may be given several times.",
+@_thresholds(
+    click.FloatRange(0, 1, min_open=True), (0.0025, 0.005, 0.01), "Distance as a share of the true surface's diagonal"
 )
 @click.option(
     "--samples", type=click.IntRange(1000), default=60_000, show_default=True, help="Points on either surface."
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON on stdout.")
 def compare_mesh(
     mesh: Path, truth: Path, views: Path | None, thresholds: tuple[float, ...], samples: int, as_json: bool
 ) -> None:
@@ -114,3 +118,6 @@ def compare_mesh(
             f"F {score.f_score:.4f}"
             + ("" if score.f_score_seen is None else f"  (without what was filled {score.f_score_seen:.4f})")
         )
+
+
+compare_mesh.params.append(json_option)
