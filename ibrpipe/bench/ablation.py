@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.core.color import srgb_decode
+from ibrpipe.core.psnr import psnr
 from ibrpipe.core.spiral import directions
 from ibrpipe.core.spiral.lookup import neighbours
 from ibrpipe.engine.artifacts import paths_below
@@ -25,7 +26,7 @@ from ibrpipe.engine.artifacts import sources as stage_inputs
 from ibrpipe.engine.executor import executor
 from ibrpipe.errors import CaptureError, ConfigError, IbrError
 from ibrpipe.evaluation.baselines import render_ulr
-from ibrpipe.evaluation.image_scores import psnr, to_srgb8
+from ibrpipe.evaluation.image_scores import to_srgb8
 from ibrpipe.io.manifest import read_manifest
 from ibrpipe.io.residuals import read_residuals, write_residuals
 from ibrpipe.io.views import View, load_view, read_views

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.core.color import srgb_encode, to_bytes
+from ibrpipe.core.psnr import psnr
 from ibrpipe.errors import ShapeError
 from ibrpipe.evaluation.metrics import Scores
 from ibrpipe.types import Array, Frame
 
 MASK_THRESHOLD = 0.5
-PSNR_CAP = 100.0
 SSIM_SIDE = 7
 SSIM_WINDOW = "uniform, 7 x 7 pixels (scikit-image's default)"
 FLIP_PPD = 67.02064514160156
@@ -54,18 +54,6 @@ class Truth:
 def to_srgb8(linear: Array) -> Array:
     """Return linear colour as 8-bit sRGB codes, rounded to nearest, light outside 0..1 clipped."""
     return to_bytes(srgb_encode(linear))
-
-
-def psnr(truth: Array, picture: Array, mask: Array) -> float | None:
-    """Return the peak signal-to-noise ratio over the mask in dB, peak 255; None for an empty mask.
-
-    The mean squared error runs over all mask pixels and the three channels. Equal pictures get `PSNR_CAP`.
-    """
-    difference = truth[mask].astype(np.float64) - picture[mask]
-    if difference.size == 0:
-        return None
-    error = float(np.mean(difference**2))
-    return PSNR_CAP if error == 0.0 else min(PSNR_CAP, float(10.0 * np.log10(255.0**2 / error)))
 
 
 def ssim(truth: Array, picture: Array, mask: Array) -> float | None:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ibrpipe.evaluation.image_scores import psnr, to_srgb8
+from ibrpipe.core.psnr import psnr
+from ibrpipe.evaluation.image_scores import to_srgb8
 from ibrpipe.io.views import View, load_view
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.types import Asset

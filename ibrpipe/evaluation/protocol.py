@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numba
 
-from ibrpipe.evaluation.image_scores import FLIP_PPD, MASK_THRESHOLD, PSNR_CAP, SSIM_WINDOW
+from ibrpipe.core.psnr import PSNR_CAP
+from ibrpipe.evaluation.image_scores import FLIP_PPD, MASK_THRESHOLD, SSIM_WINDOW
 from ibrpipe.evaluation.metrics import Protocol
 from ibrpipe.types import Camera
 

@@ -14,7 +14,7 @@ from ibrpipe.export.surface.painter import paint, read_back
 from ibrpipe.export.surface.pictures import encode_pictures
 from ibrpipe.export.surface.settings import GltfOptions
 from ibrpipe.export.surface.source import Exported, read_source
-from ibrpipe.export.whole_file import check_file, write_files
+from ibrpipe.export.whole_file import megabytes, write_files
 from ibrpipe.types import Camera, Frame
 from ibrpipe.types.reflection import ReflectedLight, Reflection
 
@@ -34,8 +34,7 @@ def write(source: Path, target: Path, options: GltfOptions = DEFAULTS) -> str:
     ConfigError, ResourceError
         The file cannot be written.
     """
-    check_file(target)
-    given = read_source(source)
+    given = read_source(source, target)
     lit, light = options.material == "lit", reflected_light(given)
     model = build_model(given.asset, given.cameras, options.tolerance, diffuse=lit)
     pictures = encode_pictures(model, options.texture, options.quality, lit)
@@ -58,9 +57,7 @@ def write(source: Path, target: Path, options: GltfOptions = DEFAULTS) -> str:
     names = [f"{target.stem}.surroundings{index or ''}.hdr" for index in range(len(pictures_beside))]
     written = content()
     write_files(target.parent, {**dict(zip(names, pictures_beside)), target.name: written})
-    told = (
-        f"{len(model.faces)} triangles, {model.color.shape[1]} x {model.color.shape[0]} texels, {_megabytes(written)}"
-    )
+    told = f"{model.told()}, {megabytes(len(written))}"
     beside = f"; beside it {', '.join(names)}" if names else ""
     return told + beside + ("" if fidelity is None else f"; {fidelity.told()}")
 
@@ -93,10 +90,6 @@ def _measured(given: Exported, draft: Path, lit: bool) -> Fidelity:
         return paint(read, camera, 4)
 
     return given.measure(draw, diffuse=lit)
-
-
-def _megabytes(content: bytes) -> str:
-    return f"{len(content) / 1e6:.2f} MB"
 
 
 EXPORTER = Exporter(

@@ -5,15 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
-
 from ibrpipe.export.registry import Exporter
 from ibrpipe.export.surface.gltf import unit_floats
 from ibrpipe.export.surface.model import SurfaceModel, build_model
 from ibrpipe.export.surface.pictures import encode, shrunk
+from ibrpipe.export.surface.placement import rotation_of
 from ibrpipe.export.surface.settings import SurfaceOptions
 from ibrpipe.export.surface.source import read_source
-from ibrpipe.export.whole_file import check_file, write_files
+from ibrpipe.export.whole_file import megabytes, write_files
 from ibrpipe.types import Array
 
 #: settings where none are given
@@ -32,8 +31,7 @@ def write(source: Path, target: Path, options: SurfaceOptions = DEFAULTS) -> str
     ConfigError, ResourceError
         The files cannot be written.
     """
-    check_file(target)
-    given = read_source(source)
+    given = read_source(source, target)
     model = build_model(given.asset, given.cameras, options.tolerance)
     name = re.sub(r"[^A-Za-z0-9._-]+", "-", target.stem)
     picture = encode(shrunk(model.color), "png", 0)
@@ -43,8 +41,7 @@ def write(source: Path, target: Path, options: SurfaceOptions = DEFAULTS) -> str
         target.name: _geometry(model, given.gltf_from_world, f"{name}.mtl").encode("ascii"),
     }
     write_files(target.parent, files)
-    size = sum(map(len, files.values())) / 1e6
-    return f"{len(model.faces)} triangles, {model.color.shape[1]} x {model.color.shape[0]} texels, {size:.2f} MB"
+    return f"{model.told()}, {megabytes(sum(map(len, files.values())))}"
 
 
 def _material(picture: str) -> str:
@@ -52,7 +49,7 @@ def _material(picture: str) -> str:
 
 
 def _geometry(model: SurfaceModel, gltf_from_world: Array, material: str) -> str:
-    turn = gltf_from_world[:3, :3] / np.cbrt(np.linalg.det(gltf_from_world[:3, :3]))
+    turn = rotation_of(gltf_from_world)
     places = model.vertices @ gltf_from_world[:3, :3].T + gltf_from_world[:3, 3]
     lines = [f"mtllib {material}", "o surface"]
     lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in places.tolist()]

@@ -7,17 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.core.color import srgb_encode, to_bytes
-from ibrpipe.errors import FormatError
-from ibrpipe.export.page.surface import sample_places
 from ibrpipe.export.registry import Exporter
 from ibrpipe.export.surface.charts import charts_of
 from ibrpipe.export.surface.colors import mean_colors
 from ibrpipe.export.surface.model import shown_samples
 from ibrpipe.export.surface.settings import PlyOptions
 from ibrpipe.export.surface.source import Exported, read_source
-from ibrpipe.export.whole_file import check_file, write_files
+from ibrpipe.export.whole_file import megabytes, write_files
 from ibrpipe.io.surfaces.meshes import read_mesh, read_vertex_values
 from ibrpipe.types import Array
+from ibrpipe.types.bounds import sample_positions
 
 _KINDS = {"<f8": "double", "<f4": "float", "<i4": "int", "|u1": "uchar"}
 #: what a run's mesh says of its vertices, and where the mesh lies
@@ -40,18 +39,15 @@ def write(source: Path, target: Path, options: PlyOptions = DEFAULTS) -> str:
     ConfigError, ResourceError
         The file cannot be written.
     """
-    check_file(target)
-    given = read_source(source)
+    given = read_source(source, target)
     table, faces = _vertices(given, options.content == "mesh")
-    if not len(table):
-        raise FormatError(f"{source}: the asset holds no sample that a photo sees; there is nothing to export")
     confidence = _confidence(source.parent / MESH, table)
     if confidence is not None:
         table = _with(table, CONFIDENCE, confidence)
     content = ply_bytes(table, faces if options.content == "mesh" else None)
     write_files(target.parent, {target.name: content})
     what = f"{len(table)} vertices" + (f", {len(faces)} triangles" if options.content == "mesh" else "")
-    return f"{what}, {len(content) / 1e6:.2f} MB"
+    return f"{what}, {megabytes(len(content))}"
 
 
 def ply_bytes(table: Array, faces: Array | None) -> bytes:
@@ -72,7 +68,7 @@ def _vertices(given: Exported, wanted: bool) -> tuple[Array, Array]:
     tables, faces, start = [], [np.zeros((0, 3), np.int64)], 0
     counted = all(each.layers.observers is not None for each in given.asset.textures)
     for texture in given.asset.textures:
-        shown, places = shown_samples(texture.layers), sample_places(texture.layers)
+        shown, places = shown_samples(texture.layers), sample_positions(texture.layers)
         number = start + np.cumsum(shown) - 1
         for chart in charts_of(texture.layers, shown) if wanted else ():
             corners = chart.vertex_samples[chart.faces]

@@ -33,6 +33,11 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
                 draft.unlink(missing_ok=True)
 
 
+def megabytes(count: int) -> str:
+    """Return bytes as text."""
+    return f"{count / 1e6:.2f} MB"
+
+
 def check_file(target: Path) -> None:
     """Refuse a target that no file can become, before any work is done.
 

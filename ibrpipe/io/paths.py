@@ -28,8 +28,8 @@ CameraPath = tuple[tuple[str, Camera], ...]
 OWN_PATHS = ("test", "train", "all")
 _KINDS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "str": str}
 _UPS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-#: An estimated up direction closer to a world axis than this (cosine of 10 degrees) is that axis
-_SNAP = math.cos(math.radians(10.0))
+#: An estimated up direction closer to a world axis than this, degrees, is that axis
+_NEAR_AXIS = 10.0
 
 
 @dataclass(frozen=True)
@@ -147,10 +147,8 @@ def _tilted(up: Array, front: Array, spec: OrbitSpec) -> Array:
     return up if abs(spec.elevation) < 89.99 else -np.sign(spec.elevation) * front
 
 
-def _up(name: str, photos: Sequence[Camera]) -> Array:
-    """Unit vector that is up: a named axis, else the mean of the photos' own, snapped to a near axis, else z."""
-    if name != "auto":
-        return (-1.0 if name.startswith("-") else 1.0) * np.array(_UPS[name.removeprefix("-")])
+def up_of(photos: Sequence[Camera], near: float) -> Array:
+    """Return what is up, (3,) float64: as most photos stand, the axis within `near` degrees of it; without any, z."""
     mean = -np.mean([camera.R[1] for camera in photos], axis=0) if photos else np.zeros(3)
     length = float(np.linalg.norm(mean))
     if length < 0.1:
@@ -158,7 +156,14 @@ def _up(name: str, photos: Sequence[Camera]) -> Array:
     axis = np.zeros(3)
     largest = int(np.abs(mean).argmax())
     axis[largest] = np.sign(mean[largest])
-    return axis if abs(mean[largest]) > _SNAP * length else mean / length
+    return axis if abs(mean[largest]) > math.cos(math.radians(near)) * length else mean / length
+
+
+def _up(name: str, photos: Sequence[Camera]) -> Array:
+    """Unit vector that is up: a named axis, or as the photos stand."""
+    if name == "auto":
+        return up_of(photos, _NEAR_AXIS)
+    return (-1.0 if name.startswith("-") else 1.0) * np.array(_UPS[name.removeprefix("-")])
 
 
 def _front(middle: Array, up: Array, photos: Sequence[Camera]) -> Array:

@@ -25,21 +25,31 @@ def bounds_of(textures: Sequence[Texture], info: Mapping[str, Any]) -> tuple[Arr
     ValueRangeError
         There is no sample.
     """
+    points = placed_samples(textures, info)
+    if not len(points):
+        raise ValueRangeError("the asset holds no sample, so there is nothing to look at; make it anew")
+    return points.min(axis=0), points.max(axis=0)
+
+
+def placed_samples(textures: Sequence[Texture], info: Mapping[str, Any]) -> Array:
+    """World positions (S, 3) float64 of the samples of all textures but those of a background."""
     entries = info.get("textures") or [{}] * len(textures)
     placed = [
-        texture
+        sample_positions(texture.layers)
         for texture, entry in zip(textures, entries, strict=True)
         if not str(entry.get("name", "")).startswith(BACKGROUND)
     ]
-    points = [_sample_positions(texture.layers) for texture in placed]
-    points = [each for each in points if len(each)]
-    if not points:
-        raise ValueRangeError("the asset holds no sample, so there is nothing to look at; make it anew")
-    return np.min([each.min(axis=0) for each in points], axis=0), np.max([each.max(axis=0) for each in points], axis=0)
+    return np.concatenate([np.zeros((0, 3)), *placed])
 
 
-def _sample_positions(layers: LayeredDepthImage) -> Array:
-    """World positions (S, 3) of the samples of a layered depth image."""
+def ball_around(points: Array) -> tuple[Array, float]:
+    """Return the middle (3,) of the box around points (N, 3), N > 0, and how far they are from it; 1 instead of 0."""
+    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return center, float(np.linalg.norm(points - center, axis=1).max()) or 1.0
+
+
+def sample_positions(layers: LayeredDepthImage) -> Array:
+    """World positions (S, 3) float64 of the samples of a layered depth image."""
     counts = np.diff(layers.offsets, axis=1)
     row, column = np.repeat(np.indices(counts.shape).reshape(2, -1), counts.ravel(), axis=1) + 0.5
     depth = layers.depth.astype(np.float64)

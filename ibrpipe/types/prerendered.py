@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrpipe.core.directions import spread_directions
 from ibrpipe.types.arrays import Array
 from ibrpipe.types.scene import Scene
 
@@ -81,13 +82,7 @@ class PrerenderedScene:
 
 def view_axes(count: int) -> Array:
     """Return axes (D, 3, 3) float64 of views, rows a, b, d: 6 = those of max1999, else a spiral over the sphere."""
-    if count == 6:
-        directions = np.concatenate([np.eye(3), -np.eye(3)])
-    else:
-        z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-        around = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
-        ring = np.sqrt(1.0 - z * z)
-        directions = np.stack([ring * np.cos(around), ring * np.sin(around), z], axis=1)
+    directions = np.concatenate([np.eye(3), -np.eye(3)]) if count == 6 else spread_directions(count)
     aside = np.where(np.abs(directions[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     a = np.cross(aside, directions)
     a /= np.linalg.norm(a, axis=1, keepdims=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ibrpipe.core.psnr import PSNR_CAP
 from ibrpipe.errors import ShapeError
 from ibrpipe.evaluation import image_scores
 from ibrpipe.evaluation.metrics import Scores, mean_scores
@@ -40,7 +41,7 @@ def test_psnr_is_about_what_the_noise_says_neither_better_nor_worse():
 
 
 def test_equal_pictures(textured):
-    assert image_scores.psnr(textured, textured, EVERYWHERE) == image_scores.PSNR_CAP
+    assert image_scores.psnr(textured, textured, EVERYWHERE) == PSNR_CAP
     assert image_scores.ssim(textured, textured, EVERYWHERE) == pytest.approx(1.0, abs=1e-12)
     assert image_scores.flip(textured, textured, EVERYWHERE) == 0.0
 
@@ -151,14 +152,14 @@ def test_a_frame_is_scored_with_uncovered_pixels_black():
     assert found.coverage == 0.5
     assert found.depth_rmse == pytest.approx(0.5)
     assert found.psnr_highlight == pytest.approx(20 * np.log10(255 / 188))
-    assert found.psnr_rest == image_scores.PSNR_CAP
+    assert found.psnr_rest == PSNR_CAP
     assert found.psnr_covered is None
     covered = image_scores.covered_pixels([Frame(color, depth, alpha), Frame(color, depth, None)], mask)
     assert (covered == (mask & (alpha > 0))).all()
     inside = image_scores.score_frame(truth, Frame(color, depth, alpha), mask & ~mask, covered)
-    assert (inside.psnr, inside.psnr_covered) == (found.psnr, image_scores.PSNR_CAP)
+    assert (inside.psnr, inside.psnr_covered) == (found.psnr, PSNR_CAP)
     assert (inside.ssim_covered, inside.flip_covered) == (pytest.approx(1), pytest.approx(0, abs=1e-6))
-    assert inside.psnr_rest == image_scores.PSNR_CAP  # what is not covered is no part of it
+    assert inside.psnr_rest == PSNR_CAP  # what is not covered is no part of it
 
 
 @pytest.mark.parametrize("corner", [(90, 100), (0, 0), (170, 215)])

@@ -150,8 +150,9 @@ def test_layers_hold_coverage_where_it_is_planned(measured):
 @pytest.mark.parametrize("winding", ["consistent", "mixed"])
 def test_a_plant_is_shown_better_than_by_the_lumigraph(measured, winding):
     """Held-out views of 96 x 72 pixels, in which wires are thinner than a pixel; figures do not hang on the winding."""
+    from ibrpipe.core.psnr import psnr
     from ibrpipe.evaluation.baselines import render_ulr
-    from ibrpipe.evaluation.image_scores import psnr, to_srgb8
+    from ibrpipe.evaluation.image_scores import to_srgb8
     from ibrpipe.io.views import load_view, read_views
     from ibrpipe.modelling.planning import PlanConfig, make_plan
     from ibrpipe.modelling.sides import find_sides

@@ -15,7 +15,7 @@ from ibrpipe.export.page.components import KINDS
 from ibrpipe.export.page.document import page_text
 from ibrpipe.export.page.notes import PageNotes, read_notes
 from ibrpipe.export.page.packing import Packer
-from ibrpipe.export.page.surface import pack_surface, sample_places
+from ibrpipe.export.page.surface import pack_surface
 from ibrpipe.export.page.view import Start, find_start
 from ibrpipe.export.registry import Exporter
 from ibrpipe.export.whole_file import check_file, write_files
@@ -23,6 +23,7 @@ from ibrpipe.io.assets import read_asset
 from ibrpipe.io.views import IN_RUN
 from ibrpipe.renderers.api import render
 from ibrpipe.types import Array, Asset
+from ibrpipe.types.bounds import sample_positions
 
 logger = logging.getLogger(__name__)
 
@@ -90,7 +91,7 @@ def make_page(asset: Asset, notes: PageNotes, name: str, views: Path | None = No
     for kind in sorted(set(asset.kinds) - set(known)):
         logger.warning(f'view dependence of kind "{kind}" is left out: pages know {", ".join(KINDS)}')
     components = {kind: KINDS[kind](asset, packer) for kind in known}
-    places = np.concatenate([sample_places(each.layers) for each in asset.textures])
+    places = np.concatenate([sample_positions(each.layers) for each in asset.textures])
     start = find_start(asset, places, views, None if notes.up is None else np.array(notes.up))
     meta = {
         "surfaces": surfaces,

@@ -9,7 +9,7 @@ import numpy as np
 from ibrpipe.core.color import srgb_encode, to_bytes
 from ibrpipe.errors import FormatError
 from ibrpipe.export.page.packing import Packer, foretell, neighbours
-from ibrpipe.renderers.fields import PatchField, Pose, build_field, field_pose, texel_size
+from ibrpipe.renderers.fields import PatchField, Pose, build_field, texel_size
 from ibrpipe.types import Array, LayeredDepthImage
 
 #: codes of a depth at most, and of a coordinate of a normal
@@ -90,17 +90,6 @@ def world_from_field(pose: Pose) -> Array:
     inverse = np.linalg.inv(pose.linear[:3])
     out[:3, :3], out[:3, 3], out[3, 3] = inverse, pose.origin - inverse @ pose.shift[:3], 1.0
     return out
-
-
-def sample_places(layers: LayeredDepthImage) -> Array:
-    """(S, 3) float64: positions of all samples in the world."""
-    rows, columns = layers.shape
-    texel = np.repeat(np.arange(rows * columns), np.diff(layers.offsets, axis=1).ravel())
-    pose = field_pose(layers.frame, -0.5)
-    depth = -1.0 / layers.depth.astype(np.float64) if pose.perspective else layers.depth
-    places = np.stack([texel % columns + 1.0, texel // columns + 1.0, depth, np.ones(len(texel))], axis=1)
-    world = places @ world_from_field(pose).T
-    return world[:, :3] / world[:, 3:]
 
 
 def _pack_patches(field: PatchField, layers: LayeredDepthImage, packer: Packer) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ibrpipe.io.views import read_views
 from ibrpipe.types import Array, Asset, Camera
+from ibrpipe.types.bounds import ball_around
 
 #: photos count as taken from one side when the mean of their directions is longer than this
 ONE_SIDED = 0.6
@@ -51,9 +52,7 @@ def find_start(asset: Asset, places: Array, views: Path | None, up: Array | None
     up : (3,) or None
         What is up; None = as the photos stand, else z.
     """
-    low, high = places.min(axis=0), places.max(axis=0)
-    center = (low + high) / 2
-    radius = float(np.linalg.norm(places - center, axis=1).max()) or 1.0
+    center, radius = ball_around(places)
     cameras = [each.camera for each in read_views(views).train] if views is not None else []
     if up is None:
         up = -np.sum([each.R[1] for each in cameras], axis=0) if cameras else np.array([0.0, 0.0, 1.0])

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrpipe.core.color import srgb_decode, srgb_encode
+from ibrpipe.core.directions import spread_directions
 from ibrpipe.core.reflection.directions import pad
 from ibrpipe.types import Array, Camera, Texture
 from ibrpipe.types.reflection import Reflection
@@ -37,20 +38,12 @@ def mean_colors(texture: Texture, places: Array, cameras: Sequence[Camera]) -> A
     if not isinstance(found, Reflection):
         return texture.layers.color
     eyes = [each.center for each in _some(cameras)]
-    views: Array = np.array(eyes) if eyes else sphere(DIRECTIONS)
+    views: Array = np.array(eyes) if eyes else spread_directions(DIRECTIONS)
     out = np.empty_like(texture.layers.color)
     for start in range(0, len(out), _BLOCK):
         part = slice(start, start + _BLOCK)
         out[part] = _mean(texture, found, part, places[part], views, bool(eyes))
     return out
-
-
-def sphere(count: int) -> Array:
-    """Unit directions (count, 3), evenly spread along a spiral of golden turns."""
-    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    turn = np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
-    ring = np.sqrt(1.0 - z * z)
-    return np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
 
 
 def table_lights(padded: Array, directions: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ibrpipe.core.reflection.directions import pad
 from ibrpipe.export.surface.colors import table_lights
+from ibrpipe.export.surface.placement import rotation_of
 from ibrpipe.types import Array
 from ibrpipe.types.reflection import ReflectedLight
 
@@ -26,7 +27,7 @@ def surroundings(light: ReflectedLight, gltf_from_world: Array) -> list[bytes]:
     v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(2 * height) + 0.5) / (2 * height), indexing="ij")
     around, down = 2.0 * np.pi * (u - 0.5), np.pi * v
     directions = np.stack([np.sin(down) * np.cos(around), np.cos(down), np.sin(down) * np.sin(around)], axis=-1)
-    turn = gltf_from_world[:3, :3] / np.cbrt(np.linalg.det(gltf_from_world[:3, :3]))
+    turn = rotation_of(gltf_from_world)
     world = directions.reshape(-1, 3) @ turn
     return [_hdr(table_lights(table, world).reshape(height, 2 * height, 3)) for table in pad(light.tables)]
 

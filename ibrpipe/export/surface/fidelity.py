@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ibrpipe.core.color import srgb_encode, to_bytes
+from ibrpipe.core.psnr import psnr
 from ibrpipe.io.views import View, load_view, spread
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
@@ -87,12 +88,12 @@ def measure(
         second = render(prepared, camera, outputs=("color", "alpha"), samples=RAYS, residuals=not diffuse)
         pair = [_codes(frame) for frame in (first, second)]
         covered = [_array(frame.alpha) >= COVERED for frame in (first, second)]
-        against.append(_psnr(pair[0], pair[1], covered[1]))
+        against.append(psnr(pair[1], pair[0], covered[1]))
         other.append(float((covered[0] != covered[1]).sum() / max(1, covered[1].sum())))
         if view is not None:
             truth, mask = _photo(view, camera)
-            photos.append(_psnr(pair[0], truth, mask))
-            own.append(_psnr(pair[1], truth, mask))
+            photos.append(psnr(truth, pair[0], mask))
+            own.append(psnr(truth, pair[1], mask))
     return Fidelity(len(chosen), held_out, _mean(against) or 0.0, float(np.mean(other)), _mean(photos), _mean(own))
 
 
@@ -115,13 +116,6 @@ def _photo(view: View, camera: Camera) -> tuple[Array, Array]:
 
 def _codes(frame: Frame) -> Array:
     return to_bytes(srgb_encode(_array(frame.color)))
-
-
-def _psnr(picture: Array, truth: Array, mask: Array) -> float | None:
-    if not mask.any():
-        return None
-    error = float(np.mean((picture[mask].astype(np.float64) - truth[mask]) ** 2))
-    return 100.0 if error == 0 else min(100.0, float(10.0 * np.log10(255.0**2 / error)))
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

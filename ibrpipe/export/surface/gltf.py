@@ -16,6 +16,7 @@ import numpy as np
 
 from ibrpipe.export.surface.model import SurfaceModel
 from ibrpipe.export.surface.pictures import Pictures
+from ibrpipe.export.surface.placement import rotation_of
 from ibrpipe.types import Array
 from ibrpipe.types.reflection import ReflectedLight
 from ibrpipe.version import VERSION
@@ -75,7 +76,7 @@ def glb_bytes(
         JSON that goes into ``asset.extras``.
     """
     binary = _Binary(bytearray(), [], [])
-    turn = gltf_from_world[:3, :3] / np.cbrt(np.linalg.det(gltf_from_world[:3, :3]))
+    turn = rotation_of(gltf_from_world)
     places = (model.vertices @ gltf_from_world[:3, :3].T + gltf_from_world[:3, 3]).astype("<f4")
     bounds = {"min": places.min(axis=0).tolist(), "max": places.max(axis=0).tolist()}
     attributes = {"POSITION": binary.accessor(places, "VEC3", _ARRAYS, **bounds)}

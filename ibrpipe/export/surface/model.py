@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.errors import FormatError
-from ibrpipe.export.page.surface import sample_places
 from ibrpipe.export.surface.atlas import Atlas, color_picture
 from ibrpipe.export.surface.charts import Chart, charts_of
 from ibrpipe.export.surface.colors import mean_colors
 from ibrpipe.export.surface.decimate import decimate
 from ibrpipe.progress import track
 from ibrpipe.types import Array, Asset, Camera, LayeredDepthImage, Texture
+from ibrpipe.types.bounds import sample_positions
 from ibrpipe.types.layers import pitch_of
 from ibrpipe.types.reflection import Reflection
 
@@ -46,6 +45,11 @@ class SurfaceModel:
     normal_picture: Array
     gloss: Array | None = None
 
+    def told(self) -> str:
+        """Return the sizes as a clause."""
+        height, width = self.color.shape[:2]
+        return f"{len(self.faces)} triangles, {width} x {height} texels"
+
 
 def build_model(asset: Asset, cameras: Sequence[Camera], tolerance: float, diffuse: bool = False) -> SurfaceModel:
     """Return an asset as one mesh with an atlas whose texels are the asset's own.
@@ -53,30 +57,24 @@ def build_model(asset: Asset, cameras: Sequence[Camera], tolerance: float, diffu
     Parameters
     ----------
     asset : Asset
+        Some of its samples are seen by a photo.
     cameras : sequence of Camera
         Those of the photos; empty = unknown.
     tolerance : float
         How far the surface may move while triangles are joined, texels.
     diffuse : bool
         Colours without what the object mirrors, instead of their mean over the views.
-
-    Raises
-    ------
-    FormatError
-        No photo sees any sample.
     """
     charts: list[Chart] = []
     values: list[tuple[Texture, Array, Array]] = []
     pitches: list[float] = []
     for texture in asset.textures:
         shown = shown_samples(texture.layers)
-        colors = texture.layers.color if diffuse else mean_colors(texture, sample_places(texture.layers), cameras)
+        colors = texture.layers.color if diffuse else mean_colors(texture, sample_positions(texture.layers), cameras)
         own = charts_of(texture.layers, shown)
         charts += own
         values += [(texture, colors, shown)] * len(own)
         pitches += [pitch_of(texture.layers)] * len(own)
-    if not charts:
-        raise FormatError("the asset holds no sample that a photo sees; there is no surface to export")
     atlas = Atlas(charts)
     color = color_picture(
         atlas,

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from ibrpipe.types import Array, Camera
+from ibrpipe.types import Array
 
 #: metres in the units that assets may name
 METRES = {
@@ -14,29 +12,12 @@ METRES = {
     "cm": 0.01, "centimetres": 0.01, "centimeters": 0.01,
     "mm": 0.001, "millimetres": 0.001, "millimeters": 0.001,
 }  # fmt: skip
-#: an axis of the world that is so near to what photos call up is taken for it, degrees
-NEAR_AXIS = 20.0
 
 
 def metres_of(units: str) -> float | None:
     """Return how many metres a unit is that assets name, such as ``mm``; None = unknown."""
     words = units.replace(";", " ").replace(",", " ").split()
     return METRES.get(words[0].lower()) if words else None
-
-
-def up_of(cameras: Sequence[Camera]) -> Array:
-    """Return what is up in the world, (3,) float64: as most photos stand, an axis where one is near; else z."""
-    if not cameras:
-        return np.array([0.0, 0.0, 1.0])
-    mean = -np.sum([each.R[1] for each in cameras], axis=0)
-    length = float(np.linalg.norm(mean))
-    if length < 1e-9:
-        return np.array([0.0, 0.0, 1.0])
-    mean = mean / length
-    axis = int(np.argmax(abs(mean)))
-    nearest = np.zeros(3)
-    nearest[axis] = np.sign(mean[axis])
-    return nearest if mean @ nearest >= np.cos(np.radians(NEAR_AXIS)) else mean
 
 
 def gltf_from_world(up: Array, scale: float, center: Array) -> Array:
@@ -49,3 +30,8 @@ def gltf_from_world(up: Array, scale: float, center: Array) -> Array:
     out[:3, :3] = scale * np.stack([across, up, np.cross(across, up)])
     out[:3, 3] = -out[:3, :3] @ center
     return out
+
+
+def rotation_of(similarity: Array) -> Array:
+    """Return the rotation (3, 3) of a similarity (4, 4)."""
+    return similarity[:3, :3] / np.cbrt(np.linalg.det(similarity[:3, :3]))

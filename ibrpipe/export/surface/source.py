@@ -8,21 +8,27 @@ from pathlib import Path
 
 import numpy as np
 
+from ibrpipe.core.directions import spread_directions
+from ibrpipe.errors import FormatError
 from ibrpipe.export.asset_folders import name_of
 from ibrpipe.export.page.exporter import units_of
-from ibrpipe.export.page.surface import sample_places
 from ibrpipe.export.page.view import FIELD_OF_VIEW
-from ibrpipe.export.surface.colors import sphere
 from ibrpipe.export.surface.fidelity import Fidelity, measure
-from ibrpipe.export.surface.placement import gltf_from_world, metres_of, up_of
+from ibrpipe.export.surface.model import shown_samples
+from ibrpipe.export.surface.placement import gltf_from_world, metres_of
+from ibrpipe.export.whole_file import check_file
 from ibrpipe.io.assets import read_asset
+from ibrpipe.io.paths import up_of
 from ibrpipe.io.views import IN_RUN, ViewSet, read_views
 from ibrpipe.types import Array, Asset, Camera, Frame
+from ibrpipe.types.bounds import ball_around, placed_samples
 
 #: of pictures that are measured where there are no photos
 AROUND, SIZE = 8, (480, 360)
 #: times the radius beyond which the world's origin is not kept as the file's
 FAR = 100.0
+#: an axis of the world that is so near to what photos call up is taken for it, degrees
+NEAR_AXIS = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +65,27 @@ class Exported:
         return measure(draw, self.asset, shown, held_out, [] if shown else _around(self.asset), diffuse)
 
 
-def read_source(folder: Path) -> Exported:
-    """Read an asset folder and the run around it.
+def read_source(folder: Path, target: Path) -> Exported:
+    """Read an asset folder and the run around it, to be written as the file `target`.
 
     Raises
     ------
     MissingFileError, FormatError
-        The asset is missing or damaged.
+        The asset is missing, damaged, or shows nothing.
+    ConfigError, ResourceError
+        `target` cannot be written.
     """
+    check_file(target)
     asset = read_asset(folder)
+    if not any(shown_samples(texture.layers).any() for texture in asset.textures):
+        raise FormatError(
+            f"{folder}: the asset holds no sample that a photo sees, so there is nothing to export; make it anew from "
+            "photos that show it"
+        )
     file = folder.parent / IN_RUN
     views = read_views(file) if file.is_file() else None
     units = units_of(asset)
-    up = up_of([] if views is None else [view.camera for view in views.train])
+    up = up_of([] if views is None else [view.camera for view in views.train], NEAR_AXIS)
     center, radius = _ball(asset)
     far = float(np.linalg.norm(center)) > FAR * radius
     placed = gltf_from_world(up, metres_of(units) or 1.0, center if far else np.zeros(3))
@@ -79,13 +93,9 @@ def read_source(folder: Path) -> Exported:
 
 
 def _ball(asset: Asset) -> tuple[Array, float]:
-    """Centre (3,) and radius of a ball that holds all samples."""
-    found = [sample_places(each.layers) for each in asset.textures if len(each.layers.depth)]
-    if not found:
-        return np.zeros(3), 1.0
-    places = np.concatenate(found)
-    center = 0.5 * (places.min(axis=0) + places.max(axis=0))
-    return center, float(np.linalg.norm(places - center, axis=1).max()) or 1.0
+    """Centre (3,) and radius of a ball that holds all samples but a background's; 0 and 1 where there are none."""
+    places = placed_samples(asset.textures, asset.info)
+    return ball_around(places) if len(places) else (np.zeros(3), 1.0)
 
 
 def _around(asset: Asset) -> list[Camera]:
@@ -94,5 +104,5 @@ def _around(asset: Asset) -> list[Camera]:
     distance = 1.1 * radius / np.sin(np.radians(FIELD_OF_VIEW / 2))
     return [
         Camera.look_at(center + distance * toward, center, (0.0, 0.0, 1.0), FIELD_OF_VIEW, *SIZE)
-        for toward in sphere(AROUND)
+        for toward in spread_directions(AROUND)
     ]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ibrpipe.core.directions import spread_directions
 from ibrpipe.embree import MeshCaster
 from ibrpipe.progress import Step
 from ibrpipe.reconstruction.depth.evidence import evidence
@@ -176,7 +177,7 @@ def complete_by_hull(cloud: Cloud, maps: MapStore, seen: Mesh, hull: Mesh, step:
 
 def behind(seen: MeshCaster, points: Array, normals: Array) -> Array:
     """Say which points (N, 3) lie behind a surface: most rays that leave along the normal meet its back."""
-    directions, inside = _directions(RAYS), np.zeros(len(points), bool)
+    directions, inside = spread_directions(RAYS), np.zeros(len(points), bool)
     for first in range(0, len(points), _AT_A_TIME):
         part = slice(first, first + _AT_A_TIME)
         outward = normals[part] @ directions.T > OUTWARD
@@ -187,10 +188,3 @@ def behind(seen: MeshCaster, points: Array, normals: Array) -> Array:
         count = [np.bincount(row, each, outward.shape[0]) for each in (back, outward[row, ray])]
         inside[part] = 2 * count[0] > count[1]
     return inside
-
-
-def _directions(count: int) -> Array:
-    """Even directions on the sphere, (count, 3) float64, on a spiral by the golden angle."""
-    z = 1 - (2 * np.arange(count) + 1) / count
-    angle = np.pi * (3 - 5**0.5) * np.arange(count)
-    return np.stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z], axis=1)

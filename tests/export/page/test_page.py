@@ -23,9 +23,10 @@ from ibrpipe.export.page import exporter
 from ibrpipe.export.page.components import ATLAS, place_images
 from ibrpipe.export.page.notes import Annotation, PageNotes, read_notes
 from ibrpipe.export.page.packing import Packer, foretell, neighbours
-from ibrpipe.export.page.surface import depth_codes, octahedral_codes, sample_places
+from ibrpipe.export.page.surface import depth_codes, octahedral_codes
 from ibrpipe.io.assets import write_asset
 from ibrpipe.types import Asset, Texture
+from ibrpipe.types.bounds import sample_positions
 
 
 @pytest.fixture
@@ -103,8 +104,8 @@ def test_normals_are_within_six_hundredths_of_a_degree() -> None:
 
 
 def test_samples_lie_on_the_ball() -> None:
-    np.testing.assert_allclose(np.linalg.norm(sample_places(seen_from_a_point()), axis=1), 1, atol=1e-5)
-    places = sample_places(ball_layers())
+    np.testing.assert_allclose(np.linalg.norm(sample_positions(seen_from_a_point()), axis=1), 1, atol=1e-5)
+    places = sample_positions(ball_layers())
     ball = places[:, 2] > -1.1
     np.testing.assert_allclose(np.linalg.norm(places[ball], axis=1), 1, atol=1e-5)
 

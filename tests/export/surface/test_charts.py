@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from page_assets import ball_layers, make_asset, seen_from_a_point
 
+from ibrpipe.core.directions import spread_directions
 from ibrpipe.core.reflection.directions import pad
-from ibrpipe.export.page.surface import sample_places
 from ibrpipe.export.surface.atlas import PADDING, Atlas, color_picture
 from ibrpipe.export.surface.charts import charts_of
-from ibrpipe.export.surface.colors import mean_colors, sphere, table_lights
+from ibrpipe.export.surface.colors import mean_colors, table_lights
 from ibrpipe.export.surface.decimate import decimate
-from ibrpipe.export.surface.placement import gltf_from_world, metres_of, up_of
+from ibrpipe.export.surface.placement import gltf_from_world, metres_of
+from ibrpipe.io.paths import up_of
 from ibrpipe.types import Camera, LayeredDepthImage, ParallelFrame, Texture
+from ibrpipe.types.bounds import sample_positions
 from ibrpipe.types.layers import offsets_of, pitch_of
 
 
@@ -25,7 +27,7 @@ def all_of(layers):
 def test_every_sample_is_a_vertex_of_one_chart_at_its_place(layers):
     charts = all_of(layers)
     assert sorted(np.concatenate([each.samples for each in charts])) == list(range(len(layers.depth)))
-    places = sample_places(layers)
+    places = sample_positions(layers)
     for chart in charts:
         held = chart.vertex_samples >= 0
         assert sorted(chart.vertex_samples[held]) == sorted(chart.samples)
@@ -66,7 +68,7 @@ def test_two_samples_of_one_texel_that_hang_together_are_told_apart():
 
 def test_charts_without_a_kept_sample_are_left_out():
     layers = ball_layers()
-    near = sample_places(layers)[:, 2] > -1.0
+    near = sample_positions(layers)[:, 2] > -1.0
     (ball,) = charts_of(layers, near)
     assert set(ball.samples) == set(np.flatnonzero(near))
 
@@ -104,7 +106,8 @@ def test_flat_surfaces_take_few_triangles_and_none_is_joined_at_tolerance_zero()
     layers = ball_layers()
     wall = max(all_of(layers), key=lambda chart: len(chart.samples))
     vertices, faces = decimate(wall.vertices, wall.faces, 1.0, pitch_of(layers))
-    assert len(faces) < 0.05 * len(wall.faces)
+    # of 2 x 49 x 49 triangles fewer than there are along the rim, 4 x 49: the inside is joined
+    assert len(faces) < 0.05 * len(wall.faces) < 4 * 49 * 1.25
     np.testing.assert_allclose(vertices[:, 2], -1.2, atol=1e-6)
     corners = wall.vertices.min(axis=0), wall.vertices.max(axis=0)
     np.testing.assert_allclose([vertices.min(axis=0), vertices.max(axis=0)], corners, atol=0.5 * pitch_of(layers))
@@ -113,7 +116,7 @@ def test_flat_surfaces_take_few_triangles_and_none_is_joined_at_tolerance_zero()
 
 def test_mean_colours_are_between_those_of_the_views():
     texture = make_asset("gloss").textures[0]
-    places = sample_places(texture.layers)
+    places = sample_positions(texture.layers)
     camera = Camera.look_at((0, 0, 4), (0, 0, 0), (0, 1, 0))
     one = mean_colors(texture, places, [camera])
     top = int(np.argmax(texture.layers.normal[:, 2]))
@@ -134,7 +137,7 @@ def test_mean_colours_are_between_those_of_the_views():
 
 
 def test_directions_are_evenly_spread():
-    found = sphere(64)
+    found = spread_directions(64)
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0)
     np.testing.assert_allclose(found.mean(axis=0), 0.0, atol=0.02)
     np.testing.assert_allclose(found.T @ found / 64, np.eye(3) / 3, atol=0.03)
@@ -155,7 +158,7 @@ def test_up_becomes_y_and_lengths_metres():
 
 def test_photos_say_what_is_up_and_an_axis_near_it_is_taken():
     level = [Camera.look_at(eye, (0, 0, 0), (0, 0, 1)) for eye in ((5, 0, 1), (0, 5, 1), (-5, 0, 1))]
-    np.testing.assert_array_equal(up_of(level), [0, 0, 1])
-    np.testing.assert_array_equal(up_of([]), [0, 0, 1])
+    np.testing.assert_array_equal(up_of(level, 20), [0, 0, 1])
+    np.testing.assert_array_equal(up_of([], 20), [0, 0, 1])
     leaning = [Camera.look_at(eye, (0, 0, 0), (0, 1, 1)) for eye in ((5, 0, 0), (-5, 0, 0))]
-    np.testing.assert_allclose(up_of(leaning), np.sqrt([0, 0.5, 0.5]), atol=1e-9)
+    np.testing.assert_allclose(up_of(leaning, 20), np.sqrt([0, 0.5, 0.5]), atol=1e-9)
