@@ -33,12 +33,12 @@ def write(source: Path, target: Path, options: SurfaceOptions = DEFAULTS) -> str
     """
     given = read_source(source, target)
     model = build_model(given.asset, given.cameras, options.tolerance)
-    name = re.sub(r"[^A-Za-z0-9._-]+", "-", target.stem)
+    name = re.sub(r"[^\w.-]+", "-", target.stem).lstrip("-") or "surface"  # of any script; no spaces, no options
     picture = encode(shrunk(model.color), "png", 0)
     files = {
         f"{name}.png": picture,
-        f"{name}.mtl": _material(f"{name}.png").encode("ascii"),
-        target.name: _geometry(model, given.gltf_from_world, f"{name}.mtl").encode("ascii"),
+        f"{name}.mtl": _material(f"{name}.png").encode("utf-8"),
+        target.name: _geometry(model, given.gltf_from_world, f"{name}.mtl").encode("utf-8"),
     }
     write_files(target.parent, files)
     return f"{model.told()}, {megabytes(sum(map(len, files.values())))}"

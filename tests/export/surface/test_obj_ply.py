@@ -24,10 +24,20 @@ def test_obj_has_its_material_and_picture_beside_it(tmp_path):
     assert ball.sum() > 100
     column, row = np.floor(found.uv[ball] * found.color.shape[1::-1]).astype(int).reshape(-1, 2).T
     wanted = np.clip(paint(world[ball].reshape(-1, 3)), 0, 1)
+    # corners of joined triangles lie up to the tolerance, one texel, aside: paint changes by 0.3 sqrt(17) / 16 at most
     assert np.median(np.abs(found.color[row, column] - wanted)) < 0.05
     part = trimesh.load_mesh(tmp_path / "a b.obj")
     assert len(part.faces) == len(found.mesh.faces)
     assert part.visual.material.image.size == found.color.shape[1::-1]
+
+
+@pytest.mark.parametrize(("stem", "plain"), [("-o 壺 #1", "o-壺-1"), ("木", "木"), ("#", "surface")])
+def test_objs_names_hold_any_script_and_nothing_that_ends_a_line_or_is_an_option(tmp_path, stem, plain):
+    ibrpipe.export(make_asset("matt"), tmp_path / f"{stem}.obj", tolerance=8)
+    assert sorted(each.name for each in tmp_path.iterdir()) == sorted([f"{stem}.obj", f"{plain}.mtl", f"{plain}.png"])
+    found = read_textured(tmp_path / f"{stem}.obj")
+    assert found.color.max() > 0.4
+    assert trimesh.load_mesh(tmp_path / f"{stem}.obj").visual.material.image.size == found.color.shape[1::-1]
 
 
 def test_ply_of_points_has_a_row_for_every_sample(tmp_path):
