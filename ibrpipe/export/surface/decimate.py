@@ -11,6 +11,8 @@ from ibrpipe.types import Array
 BOUNDARY = 1.0
 #: charts of fewer triangles stay as they are
 FEWEST = 8
+#: triangles that are left of a chart at least: one alone is half of a small rectangle
+LEAST = 2
 
 
 def decimate(vertices: Array, faces: Array, tolerance: float, texel: float) -> tuple[Array, Array]:
@@ -35,7 +37,7 @@ def decimate(vertices: Array, faces: Array, tolerance: float, texel: float) -> t
     full = o3d.geometry.TriangleMesh(
         o3d.utility.Vector3dVector((vertices - shift) / texel), o3d.utility.Vector3iVector(faces)
     )
-    small = full.simplify_quadric_decimation(1, maximum_error=tolerance**2, boundary_weight=BOUNDARY)
+    small = full.simplify_quadric_decimation(LEAST, maximum_error=tolerance**2, boundary_weight=BOUNDARY)
     small.remove_degenerate_triangles()
     small.remove_unreferenced_vertices()
     if not len(small.triangles):
