@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 import trimesh
 from click.testing import CliRunner
-from page_assets import make_asset, paint
+from page_assets import CELLS, EDGE, make_asset, paint
 from PIL import Image
 
 import ibrpipe
 from ibrpipe.cli.main import cli
-from ibrpipe.core.color import srgb_decode
+from ibrpipe.core.color import srgb_decode, srgb_encode, to_bytes
+from ibrpipe.core.reflection.directions import cell_directions, pad
 from ibrpipe.export.glb import write
+from ibrpipe.export.surface.colors import table_lights
 from ibrpipe.export.surface.gltf import ior_of
 from ibrpipe.export.surface.settings import GltfOptions
 from ibrpipe.io.photos.images import read_image
@@ -69,6 +71,8 @@ def test_pygltflib_reads_it(tmp_path):
     assert np.frombuffer(blob, kind, indices.count, view.byteOffset).max() == places.count - 1
 
 
+# What is exact is tested in test_exact.py. 27 and 25 dB guard against a decline from what was measured, 28.4 and 25.9.
+# Nearly all of the error is at outlines, where one of both is black; where both cover, one texel is the limit below.
 @pytest.mark.parametrize(("kind", "least"), [("matt", 27), ("perspective", 25)])
 def test_what_it_loses_is_measured_on_the_file(tmp_path, kind, least):
     path, told = exported(tmp_path, kind, tolerance=0.5)
@@ -76,12 +80,12 @@ def test_what_it_loses_is_measured_on_the_file(tmp_path, kind, least):
     assert measured["views"] == 8
     assert measured["photos_db"] is None
     assert measured["asset_db"] > least
+    # half a texel, 1/32, along the outline of the wall (12 long, 9 large) is 4.2 % of it; of the ball, 6.2 %
     assert measured["coverage"] < 0.04
     assert f"{measured['asset_db']:.1f} dB against the asset's own frames" in told
 
 
 def test_from_ahead_the_file_shows_what_the_asset_does_and_coarser_ones_less_of_it(tmp_path):
-    from ibrpipe.core.color import srgb_encode, to_bytes
     from ibrpipe.export.surface.painter import paint as draw
     from ibrpipe.export.surface.painter import read_back
 
@@ -91,13 +95,25 @@ def test_from_ahead_the_file_shows_what_the_asset_does_and_coarser_ones_less_of_
         path, _ = exported(tmp_path, "matt", tolerance=tolerance, texture="webp", quality=100, measure=False)
         placed = np.array(document_of(path)["asset"]["extras"]["ibrpipe"]["gltf_from_world"])
         got = draw(read_back(path, placed), camera, 4)
+        # the wall's outline is 320 of 19200 pixels long: an eighth of a pixel on the mean
         assert ((got.alpha >= 0.5) != (want.alpha >= 0.5)).mean() < 0.002
         difference = to_bytes(srgb_encode(got.color)).astype(float) - to_bytes(srgb_encode(want.color))
         errors.append(10 * np.log10(255**2 / (difference[want.alpha >= 0.5] ** 2).mean()))
         sizes.append(path.stat().st_size)
-    assert errors[0] > 34
-    assert errors[1] < errors[0] - 0.3
+    assert errors[0] > 34 > one_texel_off()  # less than if all colours lay one texel, 1/16, aside
+    assert errors[1] < errors[0] - 0.3  # 7 % more squared error: more than rounding to codes makes, 0.1 % of it
     assert sizes[1] < 0.9 * sizes[0]
+
+
+def one_texel_off():
+    """PSNR of the ball's paint against itself one texel aside, in sRGB codes, dB."""
+    rng = np.random.default_rng(0)
+    place, aside = rng.normal(size=(2, 20000, 3))
+    place /= np.linalg.norm(place, axis=1, keepdims=True)
+    aside -= (aside * place).sum(axis=1, keepdims=True) * place
+    aside *= EDGE / CELLS / np.linalg.norm(aside, axis=1, keepdims=True)
+    pair = [255 * srgb_encode(np.clip(paint(each), 0, 1)) for each in (place, place + aside)]
+    return 10 * np.log10(255**2 / ((pair[0] - pair[1]) ** 2).mean())
 
 
 def test_a_lit_file_has_the_samples_normals(tmp_path):
@@ -123,6 +139,7 @@ def test_a_lit_file_has_the_samples_normals(tmp_path):
     steep = np.abs((wanted @ turn)[:, 2]) > 0.4
     cosine = (found * wanted).sum(axis=1)[shown & steep]
     assert len(cosine) > 500
+    # the nearest texel is half of one away, 1/32, at most along either axis, on a slope of at least 0.4: 4.5 degrees
     assert np.degrees(np.arccos(np.clip(np.percentile(cosine, 10), -1, 1))) < 4.0
 
 
@@ -135,7 +152,7 @@ def tangents_of(path):
 
 def test_what_is_mirrored_lies_beside_it_and_in_the_lit_material(tmp_path):
     path, told = exported(tmp_path, "gloss", material="lit", measure=False)
-    light = make_asset("gloss").shared["reflection"]
+    light = ibrpipe.read_asset(tmp_path / "gloss").shared["reflection"]  # as it is stored
     document = document_of(path)
     (material,) = document["materials"]
     assert material["extensions"]["KHR_materials_ior"]["ior"] == pytest.approx(ior_of(0.045))
@@ -149,14 +166,15 @@ def test_what_is_mirrored_lies_beside_it_and_in_the_lit_material(tmp_path):
     picture = read_image(tmp_path / "gloss.surroundings1.hdr")
     height, width = picture.shape[:2]
     turn = np.array(document["asset"]["extras"]["ibrpipe"]["gltf_from_world"])[:3, :3]
-    from ibrpipe.core.reflection.directions import cell_directions
-
     for cell in ((3, 5), (8, 2), (12, 12)):
         x, y, z = turn @ cell_directions(16)[cell]
         column = (0.5 + np.arctan2(z, x) / (2 * np.pi)) * width
         row = np.arccos(y) / np.pi * height
         found = picture[int(row), int(column) % width, :3]
-        np.testing.assert_allclose(found, light.tables[1][cell], atol=0.09)
+        down, around = np.pi * (int(row) + 0.5) / height, 2 * np.pi * ((int(column) + 0.5) / width - 0.5)
+        seen = np.array([np.sin(down) * np.cos(around), np.cos(down), np.sin(down) * np.sin(around)])
+        wanted = table_lights(pad(light.tables)[1], (seen @ turn)[None])[0]
+        np.testing.assert_allclose(found, wanted, atol=wanted.max() / 128)  # 8 bits of the greatest channel
 
 
 def test_webp_pictures_are_smaller_and_declared(tmp_path):
