@@ -45,8 +45,6 @@ from ibrpipe.modelling.view_dependence.spiral_plan import SPIRAL, SpiralPlan
 #: share of the photos' pixels at edges from which on rims have coverage (vase, demo and wall: 0.03 to 0.06, photos of
 #: 96 x 72 pixels 0.23; the plant 0.36)
 EDGES = 0.25
-#: fewer blocks of left-out photos that show a texture do not measure it
-BLOCKS = 20
 #: what the choice of coverage is called in the plan
 COVERAGE = "coverage of rims"
 #: spiral densities to choose from; coarser ones lose highlights (1/16 costs 0.7 dB on photos 22 degrees apart)
@@ -218,7 +216,7 @@ def choose_residuals(name: str, found: Appearance, config: PlanConfig) -> tuple[
     if config.residuals != "auto":
         choice = config.residuals == "always"
         return choice, reason(f"residuals of {name}", choice, "set by the pipeline file", **figures)
-    if found.blocks < BLOCKS:
+    if found.blocks < 20:
         why = "too little of the photos shows it to measure view dependence"
         return False, reason(f"residuals of {name}", False, why, **figures)
     codes, beyond = found.codes, found.beyond_codes
@@ -242,31 +240,6 @@ def choose_residuals(name: str, found: Appearance, config: PlanConfig) -> tuple[
         f"{found.gain:.2f} dB better, {verdict} the {config.min_gain} dB asked for"
     )
     return choice, reason(f"residuals of {name}", choice, why, **figures)
-
-
-def follow_measured(
-    names: Sequence[str], found: Sequence[Appearance], chosen: Sequence[tuple[bool, Told]]
-) -> list[tuple[bool, Told]]:
-    """Model textures that too few blocks measure as the measured ones: residuals where most of their blocks ask for it.
-
-    Parameters
-    ----------
-    chosen : of every texture what `choose_residuals` says, where it decides by left-out photos
-    """
-    measured = [(each.blocks, yes) for each, (yes, _) in zip(found, chosen, strict=True) if each.blocks >= BLOCKS]
-    asking, of_all = sum(blocks for blocks, yes in measured if yes), sum(blocks for blocks, _ in measured)
-    if 2 * asking <= of_all:
-        return list(chosen)
-    followed = []
-    for name, each, (yes, told) in zip(names, found, chosen, strict=True):
-        if 0 < each.blocks < BLOCKS:
-            why = (
-                f"too little of the photos shows it to measure view dependence; textures that show in {asking} of "
-                f"{of_all} measured blocks have residuals, so it has them, too"
-            )
-            yes, told = True, reason(f"residuals of {name}", True, why, **each.as_json())
-        followed.append((yes, told))
-    return followed
 
 
 def choose_coverage(config: PlanConfig, photos: PhotoSet) -> tuple[bool, Told]:
@@ -329,12 +302,10 @@ def make_plan(
     coverage, coverage_reason = choose_coverage(config, photos)
     reasons += [*dropped, k_reason, coverage_reason]
     found = appearance(rectangles, caster, photos, seed, config.shift)
-    plans, names = [], [rectangle.name for rectangle in rectangles]
-    chosen = [choose_residuals(name, measured, config) for name, measured in zip(names, found, strict=True)]
-    if config.residuals == "auto":
-        chosen = follow_measured(names, found, chosen)
-    for rectangle, (residuals, why_residuals) in zip(rectangles, chosen, strict=True):
+    plans = []
+    for rectangle, measured in zip(rectangles, found, strict=True):
         layers, why_layers = count_layers(rectangle, caster, config.max_layers, coverage)
+        residuals, why_residuals = choose_residuals(rectangle.name, measured, config)
         reasons += [why_layers, why_residuals]
         spiral = (SpiralPlan(k=k, residual_scale=config.residual_scale),) if residuals else ()
         plans.append(TexturePlan(rectangle, config.max_angle, layers, (*spiral, *config.components), coverage))

@@ -12,7 +12,7 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError
 from ibrpipe.modelling.appearance import Appearance, beyond_shift, edge_share
 from ibrpipe.modelling.plan_file import read_plan
-from ibrpipe.modelling.planning import PlanConfig, choose_coverage, choose_residuals, follow_measured, make_plan
+from ibrpipe.modelling.planning import PlanConfig, choose_coverage, choose_residuals, make_plan
 from ibrpipe.modelling.rectangles import RectangleConfig
 from ibrpipe.stages.plan import Inputs, run
 
@@ -166,26 +166,6 @@ def test_when_residuals_pay(found, choice, why):
     decided, entry = choose_residuals("a", found, PlanConfig())
     assert decided is choice
     assert why in entry["reason"]
-
-
-@pytest.mark.parametrize(
-    ("blocks", "gains", "residuals"),
-    [
-        ((500, 5, 0), (2e-3, 0.0, 0.0), (True, True, False)),
-        ((500, 600, 5), (2e-3, 0.0, 0.0), (True, False, False)),
-        ((600, 500, 5), (2e-3, 0.0, 0.0), (True, False, True)),
-        ((5, 5, 5), (2e-3, 2e-3, 2e-3), (False, False, False)),
-    ],
-    ids=["all measured ask", "fewer blocks ask", "more blocks ask", "none is measured"],
-)
-def test_textures_that_are_not_measured_follow_those_that_are(blocks, gains, residuals):
-    found = [Appearance(each, 4e-3, 4e-3, gain) for each, gain in zip(blocks, gains)]
-    chosen = [choose_residuals(name, each, PlanConfig()) for name, each in zip("abc", found)]
-    followed = follow_measured("abc", found, chosen)
-    assert tuple(yes for yes, _ in followed) == residuals
-    for before, (yes, told) in zip(chosen, followed):
-        assert told["choice"] is yes
-        assert before[0] == yes or f"in {max(blocks)} of {sum(n for n in blocks if n >= 20)} measured" in told["reason"]
 
 
 def test_appearance_in_closed_form():
