@@ -1,18 +1,23 @@
 # Every target sets up what it needs: .venv with the locked dependencies. `make demo` and `make test` are the two to know.
 
 BIN := .venv/bin
+#: processes that run tests side by side: `make test PROCESSES=8`
+PROCESSES ?= 2
+# Whole files go to a process, so that what a file makes once is made once. Two threads show whether threads change
+# a byte; those that wait leave their core to others.
+PYTEST := OMP_WAIT_POLICY=passive NUMBA_NUM_THREADS=2 $(BIN)/python -m pytest -q -n $(PROCESSES) --dist loadfile
 .PHONY: demo test plain hard-cases lint docs lock setup clean
 
 demo: .venv/.ready  ## the whole job on a built-in synthetic capture; ends with demo/report/report.html
 	$(BIN)/ibrpipe demo --out demo
 
-test: .venv/.ready  ## all tests; threads that wait leave their core to others
-	OMP_WAIT_POLICY=passive $(BIN)/python -m pytest -q
+test: .venv/.ready  ## all tests
+	$(PYTEST)
 
 # Left out, each with its reason: a whole sweep of PatchMatch (minutes; half a sweep is in), and six tests of what is
 # compiled beforehand and cached (with the compiler off nothing is).
 plain: .venv/.ready  ## the kernels' and renderers' tests with Numba's compiler off: what they do as plain Python
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/core tests/renderers
+	NUMBA_DISABLE_JIT=1 $(PYTEST) tests/core tests/renderers
 
 hard-cases: .venv/.ready  ## every hard case with every renderer; fails where one is beyond its limit
 	$(BIN)/ibrpipe bench hard-cases --out bench

@@ -6,7 +6,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -58,11 +57,9 @@ def test_example_of_a_stage_is_a_valid_call(name: str) -> None:
     assert context.params["out"]
 
 
-def test_group_help_is_instant_and_lists_every_command() -> None:
-    started = time.perf_counter()
+def test_group_help_imports_nothing_slow_and_lists_every_command() -> None:
     code = "import sys; from ibrpipe.cli.main import cli; cli(['--help'], standalone_mode=False); print(*sys.modules)"
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert time.perf_counter() - started < 2.0
     help_text, modules = output.rsplit("\n", 2)[0], output.rsplit("\n", 2)[1].split()
     assert all(f"  {name} " in help_text for name in NAMES)
     assert {"numpy", "numba", "pydantic", "rich", "yaml", "open3d", "cv2", "pycolmap", "OpenImageIO"} & set(
