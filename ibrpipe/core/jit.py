@@ -5,7 +5,8 @@ row written by one thread, so the thread count never changes a byte), ``serial``
 ``exact_...`` do their arithmetic as written.
 Fast-math is a subset without ``nnan`` and ``ninf``: holes are NaN and misses are infinite here.
 Compiled code is cached per module, in a folder named by a hash of its source and of all kernel modules that it imports:
-an edit in any of them is seen, and an edit elsewhere compiles nothing anew.
+an edit in any of them is seen, an edit elsewhere compiles nothing anew, and all checkouts and environments of a user
+share what is the same in them.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Any
 
 import numba
 import numba.extending
+from numba.core.caching import UserProvidedCacheLocator
 
 FAST_MATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
 AS_WRITTEN = {"nsz"}
@@ -94,17 +96,29 @@ def _cache_folder(path: str) -> str | None:
     return folder
 
 
+class FolderLocator(UserProvidedCacheLocator):
+    """Lets Numba keep compiled code in `numba.config.CACHE_DIR` itself, not below a name made of the source's path."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Return no folder: that of the cache already tells what the source is."""
+        return ""
+
+
+_LOCATOR = f"{__name__}.{FolderLocator.__name__}"
+
+
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
     settings = {"fastmath": FAST_MATH, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **options}
     folder = _cache_folder(os.path.abspath(function.__code__.co_filename))
     if folder is None:
         return numba.njit(**settings)(function)
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = folder
+    before = numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES
+    numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = folder, _LOCATOR
     try:
         return numba.njit(cache=True, **settings)(function)
     finally:
-        numba.config.CACHE_DIR = before
+        numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES = before
 
 
 def _fma(typing: Any, a: Any, b: Any, c: Any) -> Any:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 import shutil
+import sys
 from pathlib import Path
+from typing import Any
 
+import numba
 import pytest
 
 from ibrpipe.core import jit
@@ -63,3 +67,29 @@ def test_a_folder_that_cannot_be_made_turns_the_cache_off(tmp_path: Path, monkey
     jit._cache_folder.cache_clear()
     assert jit._cache_folder(jit.__file__) is None
     jit._cache_folder.cache_clear()
+
+
+def compiled_at(folder: Path, source: str, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the kernel of a module that lies in `folder`, called once."""
+    folder.mkdir()
+    (folder / "leaf.py").write_text(source)
+    monkeypatch.setattr(jit, "_HERE", str(folder))
+    spec = importlib.util.spec_from_file_location("leaf", folder / "leaf.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "leaf", module)
+    spec.loader.exec_module(module)
+    assert module.twice(3) == 6
+    return module.twice
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_checkouts_share_what_is_the_same_in_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IBRPIPE_CACHE_DIR", str(tmp_path / "cache"))
+    source = "from ibrpipe.core.jit import helper\n\n\n@helper\ndef twice(x):\n    return 2 * x\n"
+    first = compiled_at(tmp_path / "first", source, monkeypatch)
+    second = compiled_at(tmp_path / "second", source, monkeypatch)
+    edited = compiled_at(tmp_path / "third", source.replace("2 * x", "x + x"), monkeypatch)
+    hits = [sum(each.stats.cache_hits.values()) for each in (first, second, edited)]
+    assert hits == [0, 1, 0]
