@@ -1,15 +1,17 @@
 # Every target sets up what it needs: .venv with the locked dependencies. `make demo` and `make test` are the two to know.
 
 BIN := .venv/bin
+#: of the demo: `make demo SIZE=--small`
+SIZE ?=
 #: processes that run tests side by side: `make test PROCESSES=8`
 PROCESSES ?= 2
 # Whole files go to a process, so that what a file makes once is made once. Two threads show whether threads change
 # a byte; those that wait leave their core to others.
 PYTEST := OMP_WAIT_POLICY=passive NUMBA_NUM_THREADS=2 $(BIN)/python -m pytest -q -n $(PROCESSES) --dist loadfile
-.PHONY: demo test plain hard-cases lint docs lock setup clean
+.PHONY: demo test plain hard-cases package site lint docs lock setup clean
 
 demo: .venv/.ready  ## the whole job on a built-in synthetic capture; ends with demo/report/report.html
-	$(BIN)/ibrpipe demo --out demo
+	$(BIN)/ibrpipe demo $(SIZE) --out demo
 
 test: .venv/.ready  ## all tests
 	$(PYTEST)
@@ -21,6 +23,17 @@ plain: .venv/.ready  ## the kernels' and renderers' tests with Numba's compiler 
 
 hard-cases: .venv/.ready  ## every hard case with every renderer; fails where one is beyond its limit
 	$(BIN)/ibrpipe bench hard-cases --out bench
+
+package: .venv/.ready  ## sdist and wheel in dist/; the wheel in a new environment, and the small demo from there
+	.ci/package
+
+# The pages keep their places beside one another, so that links work in the checkout and in the site alike.
+site: demo  ## docs/ as a site with the demo's page inside: build/site/html/index.html; fails where a link leads nowhere
+	rm -rf build/site
+	mkdir -p build/site/pages
+	cp -r README.md CHANGELOG.md LICENSE docs data_specs pipelines build/site/pages
+	$(BIN)/ibrpipe export demo build/site/pages/docs/demo.html
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
 lint: .venv/.ready  ## style, types, import rules, generated files up to date
 	$(BIN)/ruff check .

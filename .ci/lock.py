@@ -21,10 +21,11 @@ def plain(name: str) -> str:
 
 
 def wanted() -> list[Requirement]:
-    """Return the requirements of the project, of its tests and of its build."""
+    """Return the requirements of the project, of its tests, its docs and its build."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    texts = [*project["project"]["dependencies"], *project["project"]["optional-dependencies"]["dev"]]
-    return [Requirement(text) for text in [*texts, *project["build-system"]["requires"]]]
+    extras = project["project"]["optional-dependencies"]
+    texts = [*project["project"]["dependencies"], *extras["dev"], *extras["docs"], *project["build-system"]["requires"]]
+    return [Requirement(text) for text in texts]
 
 
 def closure(requirements: list[Requirement]) -> dict[str, str]:

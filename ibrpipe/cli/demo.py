@@ -20,21 +20,23 @@ from ibrpipe.engine.run_folder import only_run
 from ibrpipe.engine.runner import Run
 from ibrpipe.evaluation.metrics import read_metrics
 from ibrpipe.stages.registry import load_stages
-from ibrpipe.synthetic.capture import SynthConfig
+from ibrpipe.synthetic.capture import TINY, SynthConfig
 
 
 @click.command(name="demo", epilog=example("ibrpipe demo --out demo"))
 @click.option("--out", type=PATH, metavar="DIR", default="demo", show_default=True, help="Folder to write.")
+@click.option("--small", is_flag=True, help="A few small photos: to see in seconds that everything works.")
 @click.pass_context
-def command(ctx: click.Context, out: Path, **shared: Any) -> None:
+def command(ctx: click.Context, out: Path, small: bool, **shared: Any) -> None:
     """Photograph a synthetic glossy object, make an asset of the photos, and measure it on views held out.
 
     Takes under two minutes on two cores. A second call only does what is not there yet.
     """
-    pipeline = load_pipeline(Path("demo"), load_stages())
+    pipeline = load_pipeline(Path("demo-small" if small else "demo"), load_stages())
+    photos = TINY if small else SynthConfig()
     capture = out / "capture"
     with executor(shared["workers"]), display() as shown, only_run(out):
-        made("glossy", capture, SynthConfig(seed=pipeline.seed), shown)
+        made("glossy", capture, photos.model_copy(update={"seed": pipeline.seed}), shown)
     done = run_shown(Run(pipeline, out, capture), shared["workers"], None)
     if shared["as_json"]:
         click.echo(json.dumps(summary(out, done), indent=2))
