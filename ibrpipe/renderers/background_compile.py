@@ -84,6 +84,7 @@ class BackgroundCompile:
             self._process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             self._process.kill()
+            self._process.wait()  # none is left behind, and none is told as still running
         self._process = None
 
 

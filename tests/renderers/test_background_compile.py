@@ -100,3 +100,18 @@ def test_without_a_second_process_nothing_is_waited_for(monkeypatch):
     beside.begin()
     beside.wait()
     assert beside._process is None
+
+
+def test_a_second_process_that_takes_too_long_is_ended_and_leaves_nothing(monkeypatch):
+    monkeypatch.setattr(background_compile, "is_cached", lambda _: False)
+    monkeypatch.setattr(background_compile, "PROGRAM", "import time; time.sleep(60)")
+    monkeypatch.setattr(background_compile, "PATIENCE", 0.0)
+    monkeypatch.setattr(background_compile.numba.config, "DISABLE_JIT", 0)
+    monkeypatch.setattr(background_compile.numba.config, "NUMBA_NUM_THREADS", 2)
+    beside = BackgroundCompile((SMALL,))
+    beside.begin()
+    process = beside._process
+    assert process is not None
+    beside.wait()
+    assert process.returncode is not None  # reaped
+    assert beside._process is None
