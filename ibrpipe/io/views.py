@@ -6,8 +6,9 @@ light, undistorted, exposure compensated, at the size that ``view.camera`` state
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -131,6 +132,16 @@ def spread(items: Sequence[T], count: int) -> list[T]:
 def hold_out_advice(count: int) -> int | None:
     """Return an `every` by which at least two of `count` photos are held out and two stay; None for fewer than four."""
     return max(3, count // 2) if count >= 4 else None
+
+
+def shrink_view(view: View, max_pixels: int | None) -> View:
+    """Return the view at no more than `max_pixels` pixels, its shape kept; None = as it is."""
+    width, height = view.camera.width, view.camera.height
+    if max_pixels is None or width * height <= max_pixels:
+        return view
+    scale = math.sqrt(max_pixels / (width * height))
+    smaller = view.camera.resized(max(1, int(width * scale)), max(1, int(height * scale)))
+    return replace(view, camera=smaller, full_size=view.full_size or (width, height))
 
 
 def load_view(view: View) -> tuple[Array, Array]:

@@ -5,7 +5,6 @@ Everything that can be wrong with a capture is looked for here, before anything 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,7 +23,7 @@ from ibrpipe.io.documents.calibration import Calibration
 from ibrpipe.io.documents.views import Views
 from ibrpipe.io.points import points_of_views, write_points
 from ibrpipe.io.surfaces.meshes import read_surface, write_mesh
-from ibrpipe.io.views import View, ViewSet, write_views
+from ibrpipe.io.views import View, ViewSet, shrink_view, write_views
 from ibrpipe.types import Mesh
 
 
@@ -178,16 +177,6 @@ def _view_set(capture: Capture, mesh: Path | None) -> ViewSet:
     notes = [*capture.warnings, *capture.notes]
     info = {"capture": str(capture.root), "exposure": capture.exposure, "notes": notes}
     return ViewSet(capture.train, capture.test, mesh, info)
-
-
-def shrink_view(view: View, max_pixels: int | None) -> View:
-    """Return the view at no more than `max_pixels` pixels, its shape kept."""
-    width, height = view.camera.width, view.camera.height
-    if max_pixels is None or width * height <= max_pixels:
-        return view
-    scale = math.sqrt(max_pixels / (width * height))
-    smaller = view.camera.resized(max(1, int(width * scale)), max(1, int(height * scale)))
-    return replace(view, camera=smaller, full_size=(width, height))
 
 
 STAGE = Stage(

@@ -1,4 +1,4 @@
-"""The box around an asset."""
+"""Where an asset is, and where cameras look."""
 
 from __future__ import annotations
 
@@ -46,6 +46,18 @@ def ball_around(points: Array) -> tuple[Array, float]:
     """Return the middle (3,) of the box around points (N, 3), N > 0, and how far they are from it; 1 instead of 0."""
     center = 0.5 * (points.min(axis=0) + points.max(axis=0))
     return center, float(np.linalg.norm(points - center, axis=1).max()) or 1.0
+
+
+def meeting_point(cameras: Sequence[Camera]) -> tuple[Array, float]:
+    """Return the point nearest to all cameras' axes, and the distance of the farthest camera."""
+    centers = np.stack([camera.center for camera in cameras])
+    axes = np.stack([camera.R[2] for camera in cameras])
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    matrix, target = across.sum(axis=0), (across @ centers[:, :, None]).sum(axis=0)[:, 0]
+    point = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    radius = float(np.linalg.norm(centers - point, axis=1).max())
+    grain = 1e-6 * radius  # the last bits differ from run to run
+    return np.round(point / grain) * grain, float(np.round(radius / grain) * grain)
 
 
 def sample_positions(layers: LayeredDepthImage) -> Array:

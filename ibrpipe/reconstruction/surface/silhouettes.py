@@ -13,6 +13,7 @@ from ibrpipe.io.views import View, load_view
 from ibrpipe.progress import Step
 from ibrpipe.reconstruction.depth.map_store import packed_cameras
 from ibrpipe.types import Array, Camera
+from ibrpipe.types.bounds import meeting_point
 
 OUTLINES = Step("outlines", 0.05)
 #: from so many photos on, one photo alone may not cut anything away: masks have errors
@@ -112,7 +113,7 @@ def hull_box(outlines: Sequence[Outline], cells: int = 48) -> tuple[Array, Array
         The outlines have nothing in common.
     """
     cameras = [each.camera for each in outlines]
-    center, radius = _meeting(cameras)
+    center, radius = meeting_point(cameras)
     low, high = center - radius, center + radius
     for _ in range(4):
         axes = [np.linspace(low[a], high[a], cells) for a in range(3)]
@@ -126,15 +127,3 @@ def hull_box(outlines: Sequence[Outline], cells: int = 48) -> tuple[Array, Array
             )
         low, high = grid[inside].min(axis=0) - 2 * step, grid[inside].max(axis=0) + 2 * step
     return low, high
-
-
-def _meeting(cameras: Sequence[Camera]) -> tuple[Array, float]:
-    """Return the point nearest to all cameras' axes, and the distance of the farthest camera."""
-    centers = np.stack([camera.center for camera in cameras])
-    axes = np.stack([camera.R[2] for camera in cameras])
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    matrix, target = across.sum(axis=0), (across @ centers[:, :, None]).sum(axis=0)[:, 0]
-    point = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    radius = float(np.linalg.norm(centers - point, axis=1).max())
-    grain = 1e-6 * radius  # the last bits differ from run to run
-    return np.round(point / grain) * grain, float(np.round(radius / grain) * grain)
