@@ -20,7 +20,7 @@ def export(source: Asset | str | Path, target: str | Path, form: str | None = No
     Parameters
     ----------
     source : Asset, or path
-        An asset folder, a run folder, or a scene, as the form wants it.
+        An asset folder, a run folder, a capture, or a scene, as the form wants it.
     target : path
         File or folder to write.
     form : str, optional
@@ -45,7 +45,7 @@ def export(source: Asset | str | Path, target: str | Path, form: str | None = No
     if not isinstance(source, Asset):
         folder = asset_folder(Path(source)) if exporter.takes == "asset" else Path(source)
         return exporter.write(folder, target, *more)
-    if exporter.takes != "asset":
+    if exporter.takes not in ("asset", "any"):
         raise ConfigError(
             f"the form {exporter.name} takes a {exporter.takes} folder, no asset in memory; give its path"
         )

@@ -11,15 +11,20 @@ from pathlib import Path
 
 import numpy as np
 
+from ibrpipe.core.color import srgb_decode, to_bytes
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import ConfigError, ResourceError
+from ibrpipe.export.asset_folders import found_asset, name_of
+from ibrpipe.export.impostor_sample import sample_files
+from ibrpipe.export.ply import vertices_of
 from ibrpipe.export.registry import Exporter
+from ibrpipe.export.surface.source import read_exported
 from ibrpipe.io.documents.impostors import Impostors, ImpostorView
 from ibrpipe.io.manifest import write_text
 from ibrpipe.io.photos.images import write_exr, write_png
 from ibrpipe.io.scenes import read_scene
 from ibrpipe.synthetic.instanced.pieces import joined
-from ibrpipe.types import Array, PaintedMesh, Scene
+from ibrpipe.types import Array, Mesh, PaintedMesh, Part, Scene
 
 INDEX = "impostors.json"
 #: cells along a side of the octahedral map, texels along a side of a cell, rays along a side of a texel
@@ -41,10 +46,17 @@ class Picture:
     depth: Array
 
 
-def write(source: Path, target: Path) -> None:
+def write(source: Path, target: Path) -> str:
     """Write an atlas for every part that the scene's root holds copies of, each in a folder of its own in `target`.
 
-    Groups of many, such as groves of trees, are taken apart: theirs are the atlases of what they hold.
+    Groups of many, such as groves of trees, are taken apart: theirs are the atlases of what they hold. An asset, or a
+    run's asset, is one part: its samples joined by triangles, in the mean colours that photos see. ``index.html`` shows
+    the atlases in three.js.
+
+    Returns
+    -------
+    str
+        How to see them.
 
     Raises
     ------
@@ -53,7 +65,8 @@ def write(source: Path, target: Path) -> None:
     ResourceError
         A file cannot be written.
     """
-    scene = read_scene(source)
+    asset = found_asset(source)
+    scene = read_scene(source) if asset is None else asset_scene(asset)
     names = held_parts(scene, scene.root) or [scene.root]
     shown = [name for name in names if scene.polygons[name]]
     if not shown:
@@ -65,14 +78,34 @@ def write(source: Path, target: Path) -> None:
                 f"at most {MOST_POLYGONS:,}; let the root hold copies of smaller parts"
             )
     try:
-        for name, plain in zip(shown, folder_names(shown), strict=True):
+        folders = dict(zip(shown, folder_names(shown), strict=True))
+        for name, plain in folders.items():
             folder = target / plain
             folder.mkdir(parents=True, exist_ok=True)
             write_atlas(scene, name, folder)
+        title = source.resolve().stem if asset is None else name_of(asset)
+        for file, text in sample_files(title, folders).items():
+            write_text(target / file, text)
     except OSError as error:
         if isinstance(error, ResourceError):
             raise
         raise ResourceError(f"{target}: cannot write: {error.strerror or error}") from error
+    return f"{len(shown)} parts; to see them: npm install three, a server, and a browser, as {target}/index.html says"
+
+
+def asset_scene(asset: Path) -> Scene:
+    """Return an asset folder as a scene of one part: the samples that photos see, joined by triangles.
+
+    Raises
+    ------
+    MissingFileError, FormatError
+        The asset is missing, damaged, or shows nothing.
+    """
+    table, faces = vertices_of(read_exported(asset), wanted=True)
+    places, color = (np.stack([table[axis] for axis in axes], axis=1) for axes in ("xyz", ("red", "green", "blue")))
+    painted = PaintedMesh(Mesh(places, faces), srgb_decode(color.astype(np.float32) / 255.0))
+    name = name_of(asset)
+    return Scene([Part(name, (painted,))], name)
 
 
 def held_parts(scene: Scene, name: str) -> list[str]:
@@ -108,6 +141,8 @@ def write_atlas(
     scene: Scene, name: str, folder: Path, grid: int = GRID, texels: int = TEXELS, rays: int = RAYS
 ) -> Impostors:
     """Write the atlas of one part; see `Impostors`. ``impostors.json`` is written last."""
+    from PIL import Image
+
     painted = joined(scene.flattened(name))
     center = 0.5 * (painted.mesh.vertices.min(axis=0) + painted.mesh.vertices.max(axis=0))
     radius = float(np.linalg.norm(painted.mesh.vertices - center, axis=1).max()) or 1.0
@@ -125,16 +160,27 @@ def write_atlas(
     write_png(folder / "albedo.png", albedo, cover)
     write_exr(folder / "normal.exr", normal)
     write_exr(folder / "depth.exr", {"Z": depth})
+    Image.fromarray(to_bytes(0.5 * normal + 0.5)).save(folder / "normal.png")
+    Image.fromarray(depth_bytes(depth, radius)).save(folder / "depth.png")
     views = [
         ImpostorView(column=column, row=row, direction=view[2].tolist(), right=view[0].tolist(), up=view[1].tolist())
         for (row, column), view in zip(cells, axes, strict=True)
     ]
     document = Impostors(
         part=name, center=center.tolist(), radius=radius, texels=texels, grid=grid,
-        albedo="albedo.png", normal="normal.exr", depth="depth.exr", views=views,
+        albedo="albedo.png", normal="normal.exr", depth="depth.exr", normal_png="normal.png",
+        depth_png="depth.png", views=views,
     )  # fmt: skip
     write_text(folder / INDEX, document.to_json() + "\n")
     return document
+
+
+def depth_bytes(depth: Array, radius: float) -> Array:
+    """Return depths (H, W), 0 to 2 `radius` or inf, as a picture's bytes (H, W, 3): high, low, covered."""
+    covered = np.isfinite(depth)
+    share = np.where(covered, depth, 0.0) / (2.0 * radius)
+    codes = np.round(65535 * np.clip(share, 0.0, 1.0)).astype(np.int64)
+    return np.stack([codes >> 8, codes & 255, 255 * covered], axis=-1).astype(np.uint8)
 
 
 def octahedral_directions(grid: int) -> Array:
@@ -185,5 +231,6 @@ def cast_view(
 
 
 EXPORTER = Exporter(
-    "impostors", "Octahedral and six-sided impostors of a scene's parts, for game engines.", write, takes="scene"
-)
+    "impostors", "Octahedral and six-sided impostors of an asset or of a scene's parts, for game engines.", write,
+    takes="any", folders=("impostors",),
+)  # fmt: skip

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ibrpipe.core.color import srgb_encode, to_bytes
+from ibrpipe.export.asset_folders import CONFIDENCE, MESH
 from ibrpipe.export.registry import Exporter
 from ibrpipe.export.surface.charts import charts_of
 from ibrpipe.export.surface.colors import mean_colors
@@ -19,8 +20,6 @@ from ibrpipe.types import Array
 from ibrpipe.types.bounds import sample_positions
 
 _KINDS = {"<f8": "double", "<f4": "float", "<i4": "int", "|u1": "uchar"}
-#: what a run's mesh says of its vertices, and where the mesh lies
-CONFIDENCE, MESH = "confidence", "geometry/mesh.ply"
 
 #: settings where none are given
 DEFAULTS = PlyOptions()
@@ -40,7 +39,7 @@ def write(source: Path, target: Path, options: PlyOptions = DEFAULTS) -> str:
         The file cannot be written.
     """
     given = read_source(source, target)
-    table, faces = _vertices(given, options.content == "mesh")
+    table, faces = vertices_of(given, options.content == "mesh")
     confidence = _confidence(source.parent / MESH, table)
     if confidence is not None:
         table = _with(table, CONFIDENCE, confidence)
@@ -63,7 +62,7 @@ def ply_bytes(table: Array, faces: Array | None) -> bytes:
     return ("\n".join([*lines, "end_header"]) + "\n").encode("ascii") + body
 
 
-def _vertices(given: Exported, wanted: bool) -> tuple[Array, Array]:
+def vertices_of(given: Exported, wanted: bool) -> tuple[Array, Array]:
     """Vertices of all textures as one structured array, and triangles (F, 3) between them if they are wanted."""
     tables, faces, start = [], [np.zeros((0, 3), np.int64)], 0
     counted = all(each.layers.observers is not None for each in given.asset.textures)

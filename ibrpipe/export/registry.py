@@ -35,8 +35,8 @@ class Exporter:
         all. It may return a line to be told.
     suffixes : tuple of str
         Endings of files by which the form is chosen, such as ``.glb``; empty = it is a folder.
-    takes : "asset", "run" or "scene"
-        What `source` is: an asset folder, a run folder, or what `ibrpipe.read_scene` reads.
+    takes : "asset", "run", "scene" or "any"
+        What `source` is: an asset folder, a run folder, what `ibrpipe.read_scene` reads, or whatever folder was given.
     takes_notes : bool
         `write` takes a third argument: a YAML file of words to go with the asset.
     Options : model of settings, or None
@@ -49,7 +49,7 @@ class Exporter:
     summary: str
     write: Callable[..., str | None]
     suffixes: tuple[str, ...] = ()
-    takes: Literal["asset", "run", "scene"] = "asset"
+    takes: Literal["asset", "run", "scene", "any"] = "asset"
     takes_notes: bool = False
     Options: type[StageConfig] | None = None
     folders: tuple[str, ...] = ()

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from page_assets import make_asset
+from PIL import Image
 
 import ibrpipe
 from ibrpipe.cli.main import cli
-from ibrpipe.export.impostors import folder_names, held_parts, octahedral_directions, view_axes, write_atlas
+from ibrpipe.export.impostor_sample import sample_files
+from ibrpipe.export.impostors import (
+    depth_bytes,
+    folder_names,
+    held_parts,
+    octahedral_directions,
+    view_axes,
+    write_atlas,
+)
+from ibrpipe.io.assets import write_asset
 from ibrpipe.io.photos.images import read_depth, read_image
 from ibrpipe.synthetic.instanced.forest import forest
 from ibrpipe.synthetic.instanced.pieces import painted_box, placed
@@ -54,6 +66,51 @@ def test_a_ball_looks_alike_from_everywhere(tmp_path):
     assert not normal[0, 0].any()
 
 
+def test_depth_in_bytes_is_within_a_65535th_of_the_ball():
+    depth = np.array([[0.0, 1.2345, 4.0, np.inf]])
+    found = depth_bytes(depth, 2.0).astype(float)
+    np.testing.assert_array_equal(found[0, :, 2], [255, 255, 255, 0])
+    np.testing.assert_allclose(
+        (256 * found[..., 0] + found[..., 1])[0, :3] * 4 / 65535, depth[0, :3], atol=2.01 / 65535
+    )
+
+
+def test_pictures_for_browsers_say_the_same(tmp_path):
+    scene = Scene([Part("ball", (painted_ball(2.0, (0.2, 0.4, 0.8), 24),))], "ball")
+    atlas = write_atlas(scene, "ball", tmp_path, grid=2, texels=16, rays=1)
+    depth, normal = read_depth(tmp_path / "depth.exr"), read_image(tmp_path / "normal.exr")
+    codes, turned = (np.asarray(Image.open(tmp_path / name), float) for name in (atlas.depth_png, atlas.normal_png))
+    covered = np.isfinite(depth)
+    np.testing.assert_array_equal(codes[..., 2] > 0, covered)
+    found = (256 * codes[..., 0] + codes[..., 1]) * 2 * atlas.radius / 65535
+    np.testing.assert_allclose(found[covered], depth[covered], atol=atlas.radius / 65535 * 1.01)
+    np.testing.assert_allclose(turned / 127.5 - 1, normal, atol=0.5 / 127.5 + 1e-6)
+
+
+def test_an_asset_is_one_part(tmp_path):
+    write_asset(make_asset("gloss"), tmp_path / "run/asset")
+    result = CliRunner().invoke(cli, ["export", str(tmp_path / "run"), str(tmp_path / "impostors")])
+    assert result.exit_code == 0, result.output
+    assert "npm install three" in result.output
+    document = json.loads((tmp_path / "impostors/run/impostors.json").read_text())
+    assert document["radius"] == pytest.approx(1, abs=0.05)  # a unit ball
+    cover = read_image(tmp_path / "impostors/run/albedo.png")[:128, :128, 3]
+    # samples reach to 0.98 of the radius, and triangles between their centres end up to a texel of 1/16 before it
+    assert cover.mean() == pytest.approx(np.pi / 4 * 0.95**2, abs=0.03)
+
+
+def test_the_sample_page_escapes_and_allows_its_own_files_alone():
+    evil = "</script><img src=x onerror=alert(1)>"
+    page = sample_files(evil, {evil: "part"})["index.html"]
+    assert "<img src=x" not in page
+    assert page.count("</script>") == 3
+    policy = re.search(r'Policy" content="([^"]*)"', page)[1].replace("&#39;", "'")
+    assert policy.startswith("default-src 'none'; script-src 'self' 'sha256-")
+    assert "unsafe" not in policy
+    texts = [*sample_files("a", {}).values()]
+    assert {match for text in texts for match in re.findall(r"https?://[^/\s<]*", text)} == {"http://127.0.0.1:8000"}
+
+
 def test_the_six_sides_show_what_is_there(tmp_path):
     box = Scene([Part("box", (painted_box((0, 0, 0), (4, 2, 1), (0.5, 0.5, 0.5)),))], "box")
     atlas = write_atlas(box, "box", tmp_path, grid=2, texels=64, rays=1)
@@ -72,7 +129,8 @@ def test_every_part_that_the_root_holds_is_exported(tmp_path):
     args = ["export", str(tmp_path / "scene"), str(tmp_path / "out"), "--format", "impostors"]
     result = CliRunner().invoke(cli, args)
     assert result.exit_code == 0, result.output
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["ball", "wall"]
+    there = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert there == ["ball", "impostors.page.js", "impostors.three.js", "index.html", "wall"]
     document = json.loads((tmp_path / "out" / "wall" / "impostors.json").read_text())
     assert (document["part"], document["grid"], len(document["views"])) == ("wall", 8, 70)
 
@@ -108,6 +166,8 @@ def test_parts_of_odd_names_stay_in_the_target(tmp_path):
     result = CliRunner().invoke(cli, args)
     assert result.exit_code == 0, result.output
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["atlases"]
+    page = (tmp_path / "out" / "atlases" / "index.html").read_text()
+    assert json.loads(re.search(r'id="parts">(.*?)</script>', page)[1])[1] == {"name": "木", "folder": "part-2"}
     found = {
         path.parent.name: json.loads(path.read_text())["part"]
         for path in (tmp_path / "out" / "atlases").glob("*/impostors.json")

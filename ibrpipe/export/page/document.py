@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
@@ -13,9 +14,17 @@ from ibrpipe.version import VERSION
 
 #: in the order in which they are joined
 SCRIPTS = (
-    "unpack", "surface", "matrices", "shaders", "mirror", "reflection", "spiral", "scene", "renderer", "orbit", "input",
-    "notes", "main",
+    "unpack", "surface", "geometry", "matrices", "shaders", "mirror", "reflection", "spiral", "scene", "programs",
+    "stage", "renderer", "orbit", "flight", "input", "notes", "photos", "compare", "main",
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page's HTML, and what there is to tell of it."""
+
+    text: str
+    told: str = ""
 
 
 def page_text(notes: PageNotes, meta: dict[str, Any], data: str, poster: bytes) -> str:
@@ -56,7 +65,7 @@ def script_text() -> str:
 def policy(style: str, script: str) -> str:
     """Return the Content-Security-Policy: this script, this style, pictures inside the file, and nothing else."""
     return (
-        f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; img-src data:; "
+        f"default-src 'none'; script-src '{source_hash(script)}'; style-src '{source_hash(style)}'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
 
@@ -67,7 +76,8 @@ def json_in_html(content: Any) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _hash(text: str) -> str:
+def source_hash(text: str) -> str:
+    """Return how a Content-Security-Policy names a script or a style that is part of the page."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
 
 

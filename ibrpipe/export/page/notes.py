@@ -39,6 +39,7 @@ class PageNotes(Document):
     license: str = Field("", description="Licence, as text")
     units: str = Field("", description="Name of the scene unit, such as mm; absent = as the asset says")
     up: Point | None = Field(None, description="Direction in the world that is up; absent = as the photos stand")
+    photos: int = Field(12, ge=0, le=1000, description="Held-out photos of a run to compare with, at most; 0 = none")
     annotations: tuple[Annotation, ...] = Field((), description="Points with text")
     views: tuple[SavedView, ...] = Field((), description="Views to choose from")
 

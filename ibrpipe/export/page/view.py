@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from ibrpipe.export.page.notes import PageNotes
 from ibrpipe.io.views import read_views
 from ibrpipe.types import Array, Asset, Camera
 from ibrpipe.types.bounds import ball_around
@@ -40,7 +42,7 @@ class Start:
         return Camera.look_at(eye, self.center, self.up, FIELD_OF_VIEW, width, height)
 
 
-def find_start(asset: Asset, places: Array, views: Path | None, up: Array | None) -> Start:
+def find_start(asset: Asset, places: Array, views: Path | None, notes: PageNotes) -> Start:
     """Choose the first view as the photos stand; without photos, as the texture with most samples faces.
 
     Parameters
@@ -49,24 +51,39 @@ def find_start(asset: Asset, places: Array, views: Path | None, up: Array | None
         Positions of samples in the world.
     views : Path or None
         ``views.json`` of the run.
-    up : (3,) or None
-        What is up; None = as the photos stand, else z.
+    notes : PageNotes
+        They may say what is up.
     """
     center, radius = ball_around(places)
     cameras = [each.camera for each in read_views(views).train] if views is not None else []
-    if up is None:
-        up = -np.sum([each.R[1] for each in cameras], axis=0) if cameras else np.array([0.0, 0.0, 1.0])
-    up = np.asarray(up, np.float64) / (np.linalg.norm(up) or 1.0)
+    up = up_in(notes, cameras)
     if cameras:
-        return Start(center, radius, up, _middle([each.center - center for each in cameras], up))
+        return Start(center, radius, up, middle_direction([each.center - center for each in cameras], up))
     largest = max(asset.textures, key=lambda each: len(each.layers.depth)).layers.frame
     toward = largest.center - center if isinstance(largest, Camera) else -largest.f + 0.3 * up
     return Start(center, radius, up, toward / np.linalg.norm(toward))
 
 
-def _middle(away: list[Array], up: Array) -> Array:
-    """Return the direction to the camera in the middle; round an object, to the one at the middle height."""
-    directions = np.array(away) / np.linalg.norm(away, axis=1, keepdims=True)
+def up_in(notes: PageNotes, cameras: Sequence[Camera]) -> Array:
+    """Return the unit vector (3,) float64 that is up: as the notes say, else as the photos stand, else z."""
+    if notes.up is not None:
+        up = np.array(notes.up)
+    else:
+        up = -np.sum([each.R[1] for each in cameras], axis=0) if cameras else np.array([0.0, 0.0, 1.0])
+    length = float(np.linalg.norm(up))
+    return up / length if length > 0 else np.array([0.0, 0.0, 1.0])
+
+
+def middle_direction(away: Sequence[Array], up: Array) -> Array:
+    """Return the direction to the camera in the middle; round an object, to the one at the middle height.
+
+    Parameters
+    ----------
+    away : sequence of (3,)
+        From the object to each camera.
+    """
+    lengths = np.linalg.norm(away, axis=1, keepdims=True)
+    directions = np.array(away) / np.where(lengths > 0, lengths, 1.0)
     mean = directions.mean(axis=0)
     if np.linalg.norm(mean) > ONE_SIDED:
         return directions[np.argmax(directions @ mean)]

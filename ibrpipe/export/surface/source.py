@@ -10,8 +10,7 @@ import numpy as np
 
 from ibrpipe.core.directions import spread_directions
 from ibrpipe.errors import FormatError
-from ibrpipe.export.asset_folders import name_of
-from ibrpipe.export.page.exporter import units_of
+from ibrpipe.export.asset_folders import name_of, units_of
 from ibrpipe.export.page.view import FIELD_OF_VIEW
 from ibrpipe.export.surface.fidelity import Fidelity, measure
 from ibrpipe.export.surface.model import shown_samples
@@ -76,6 +75,17 @@ def read_source(folder: Path, target: Path) -> Exported:
         `target` cannot be written.
     """
     check_file(target)
+    return read_exported(folder)
+
+
+def read_exported(folder: Path) -> Exported:
+    """Read an asset folder and the run around it.
+
+    Raises
+    ------
+    MissingFileError, FormatError
+        The asset is missing, damaged, or shows nothing.
+    """
     asset = read_asset(folder)
     if not any(shown_samples(texture.layers).any() for texture in asset.textures):
         raise FormatError(

@@ -30,4 +30,9 @@ class Impostors(Document):
     albedo: str = Field(description="PNG, sRGB; alpha = share of the texel that is covered")
     normal: str = Field(description="OpenEXR, R G B: unit normal, part's coordinates, towards the viewer; 0 = nothing")
     depth: str = Field(description="OpenEXR, Z: distance from the plane of depth 0 in the part's units; inf = nothing")
+    normal_png: str | None = Field(None, description="PNG of the same, 8 bits: 0..255 is -1..1; grey = nothing")
+    depth_png: str | None = Field(
+        None,
+        description="PNG of the same: 256 red + green = 65535 at twice the radius; blue 255 = covered, 0 = nothing",
+    )
     views: list[ImpostorView] = Field(description="Octahedral cells row by row, then +x, -x, +y, -y, +z, -z")

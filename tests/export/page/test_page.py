@@ -126,7 +126,7 @@ def test_residual_images_do_not_overlap() -> None:
 def test_words_are_escaped_and_the_policy_names_the_script() -> None:
     evil = "</script><img src=x onerror=alert(1)>"
     notes = PageNotes(title=evil, credit=evil, annotations=(Annotation(at=(0, 0, 0), text=evil),))
-    text = exporter.make_page(make_asset("matt"), notes, "name")
+    text = exporter.make_page(make_asset("matt"), notes, "name").text
     assert "<img src=x" not in text
     assert text.count("</script>") == 3
     assert json.loads(re.search(r'id="meta">(.*?)</script>', text)[1])["notes"][0]["text"] == evil

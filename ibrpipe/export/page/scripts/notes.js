@@ -34,8 +34,7 @@ function placeNotes(layer, notes, orbit, go) {
 // Which notes lie behind the surface: a picture of one pixel in the depth mode tells.
 function hiddenNotes(renderer, notes, camera) {
   const m = camera.cam_from_world.flat(), k = camera.K.flat(), eye = cameraCenter(camera), { scene } = renderer;
-  const centre = Math.hypot(...subtract(eye, scene.centre)), far = centre + 1.01 * scene.radius;
-  const near = Math.max(centre - 1.01 * scene.radius, far * 1e-3);
+  const [near, far] = depthRange(Math.hypot(...subtract(eye, scene.centre)), 1.01 * scene.radius);
   return notes.map((note) => {
     const [x, y, z] = [0, 1, 2].map((r) => dot(m.slice(4 * r, 4 * r + 3), note.at) + m[4 * r + 3]);
     const aim = { ...camera, K: [[k[0], 0, 0.5 - (k[0] * x) / z], [0, k[4], 0.5 - (k[4] * y) / z], [0, 0, 1]], width: 1, height: 1 };

@@ -4,13 +4,14 @@ const FIELD_OF_VIEW = (35 * Math.PI) / 180;
 const STEEPEST = 1.54;
 
 class Orbit {
-  constructor(scene, { up, from }) {
+  // around: radius of what the first view holds
+  constructor(scene, { up, from }, around) {
     this.radius = scene.radius;
     this.up = unit(up);
     const aside = Math.abs(this.up[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0];
     this.east = unit(cross(aside, this.up));
     this.north = cross(this.up, this.east);
-    this.home = { target: scene.centre, ...this.anglesOf(from), distance: (1.08 * scene.radius) / Math.sin(FIELD_OF_VIEW / 2) };
+    this.home = { target: scene.centre, ...this.anglesOf(from), distance: (1.08 * around) / Math.sin(FIELD_OF_VIEW / 2) };
     this.reset();
   }
 

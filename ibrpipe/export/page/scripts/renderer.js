@@ -1,7 +1,8 @@
 // Draws the surface of all textures with WebGL2 as the camera sees it.
 
 const SAMPLES_WIDE = 2048;
-const MODES = ["color", "depth", "normals", "resolution"];
+const MODES = ["color", "depth", "normals", "resolution", "confidence"];
+const SHOWN = { mesh: true, points: true, photos: false };
 
 class Renderer {
   constructor(gl, scene) {
@@ -109,25 +110,30 @@ class Renderer {
   }
 
   // Draw into the bound framebuffer; turned: row 0 of the picture comes first in memory.
-  draw(camera, { turned = false, mode = "color", dependent = true } = {}) {
-    const { gl, uniforms, scene } = this;
+  draw(camera, { turned = false, mode = "color", dependent = true, show = SHOWN, ratio = 1 } = {}) {
+    const { gl, scene } = this;
     const eye = cameraCenter(camera), toCentre = Math.hypot(...subtract(eye, scene.centre));
-    const far = toCentre + 1.01 * scene.radius;
-    const near = Math.max(toCentre - 1.01 * scene.radius, far * 1e-3);
-    const clip = clipFromWorld(camera, near, far, turned);
-    const toPixel = worldFromPixel(camera, turned);
+    const range = depthRange(toCentre, 1.01 * scene.radius);
+    const clip = clipFromWorld(camera, ...(show.photos ? depthRange(toCentre, 1.6 * scene.reach) : range), turned);
     gl.viewport(0, 0, camera.width, camera.height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LESS);
+    this.drawSurfaces(camera, clip, eye, range, { turned, mode, dependent });
+    this.stage?.draw(camera, clip, eye, range, { mode, show, ratio });
+  }
+
+  drawSurfaces(camera, clip, eye, range, { turned, mode, dependent }) {
+    const { gl, uniforms, scene } = this, toPixel = worldFromPixel(camera, turned);
+    if (!this.meshes.length) return;
     gl.useProgram(this.program);
     for (const [name, unit] of this.units) gl.uniform1i(uniforms[name], unit);
     gl.uniform3f(uniforms.eye, ...eye);
     gl.uniform2f(uniforms.pixel, 2 / camera.width, 2 / camera.height);
     gl.uniform1i(uniforms.mode, MODES.indexOf(mode));
     gl.uniform1i(uniforms.dependent, dependent);
-    gl.uniform2f(uniforms.depthRange, near, far);
+    gl.uniform2f(uniforms.depthRange, ...range);
     this.setComponents();
     for (const [number, mesh] of this.meshes.entries()) {
       const matrix = multiply(clip, mesh.surface.world);
@@ -178,6 +184,12 @@ class Renderer {
     gl.deleteRenderbuffer(depth);
     return { width, height, rgba };
   }
+}
+
+// Nearest and farthest depth of a ball around the scene's centre.
+function depthRange(toCentre, radius) {
+  const far = toCentre + radius;
+  return [Math.max(toCentre - radius, far * 1e-3), far];
 }
 
 // The fragment shader with those components that the scene has, in its order.

@@ -16,8 +16,15 @@ async function unpackScene(meta, text) {
     kinds: Object.keys(meta.components),
     weightsOf: (number, s) => [0, 1].map((table) => weights[number]?.[table]?.[s] ?? 1),
     mirrors: (number) => weights[number] !== null && weights[number] !== undefined,
-    ...boundSphere(places),
+    ...(meta.bounds ?? boundSphere(places)),
+    mesh: meta.mesh ? unpackMesh(bytes, meta.mesh) : null,
+    points: meta.points ? unpackPoints(bytes, meta.points) : null,
+    photos: (meta.photos ?? []).map((photo) => unpackPhoto(bytes, photo)),
   };
+  scene.floor = meta.floor ?? lowestAlong(places, meta.start.up);
+  scene.reach = meta.reach ??
+    Math.max(scene.radius, ...scene.photos.map((photo) => Math.hypot(...subtract(cameraCenter(photo), scene.centre))));
+  scene.modes = modesOf(scene);
   if (meta.components.reflection) {
     const reflection = meta.components.reflection;
     scene.reflection = {
@@ -37,6 +44,30 @@ async function unpackScene(meta, text) {
     };
   }
   return scene;
+}
+
+// What may be shown of a scene, in the order of the list.
+function modesOf({ surfaces, mesh }) {
+  if (surfaces.length) return ["color", "depth", "normals", "resolution"];
+  if (!mesh) return ["color"];
+  return ["color", ...(mesh.sure ? ["confidence"] : []), "depth", "normals"];
+}
+
+// The picture stays coded until it is wanted; mask: a byte a pixel, 1 = shows the object, or null.
+function unpackPhoto(bytes, photo) {
+  const blob = new Blob([unpackArray(bytes, photo.picture)], { type: "image/webp" });
+  if (!photo.mask) return { ...photo, blob, mask: null };
+  const packed = unpackArray(bytes, photo.mask);
+  const mask = Uint8Array.from({ length: photo.width * photo.height }, (_, n) => (packed[n >> 3] >> (7 - (n & 7))) & 1);
+  return { ...photo, blob, mask };
+}
+
+function lowestAlong(places, up) {
+  let lowest = Infinity;
+  for (const part of places)
+    for (let n = 0; n < part.length; n += 3)
+      lowest = Math.min(lowest, part[n] * up[0] + part[n + 1] * up[1] + part[n + 2] * up[2]);
+  return lowest;
 }
 
 // Per texture and table the weights of its samples; [] = all 1, null = no reflection.
