@@ -14,6 +14,7 @@ import numpy as np
 
 from ibrpipe.core.color import srgb_encode, to_bytes
 from ibrpipe.export.page.packing import Packer
+from ibrpipe.export.whole_file import megabytes
 from ibrpipe.io.views import View, load_view, shrink_view
 from ibrpipe.progress import track
 from ibrpipe.types import Array
@@ -108,6 +109,6 @@ def told_size(pictures: Sequence[Picture], packed: Sequence[Mapping[str, Any]]) 
     """Return how many photos are shown, how large, and their bytes, in words."""
     sizes = [(each["width"], each["height"]) for each in packed]
     width, height = max(sizes, default=(0, 0), key=lambda size: size[0] * size[1])
-    size = sum(each["picture"]["length"] for each in packed) / 1e6
+    size = megabytes(sum(each["picture"]["length"] for each in packed))
     shrunk = any(picture.view.full_size is not None for picture in pictures)
-    return f"{len(packed)} photos, {'shrunk to ' if shrunk else ''}{width} x {height} pixels at most, {size:.1f} MB"
+    return f"{len(packed)} photos, {'shrunk to ' if shrunk else ''}{width} x {height} pixels at most, {size}"
