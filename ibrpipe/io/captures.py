@@ -101,6 +101,11 @@ class Capture:
     notes: tuple[str, ...]
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return the folder's name, how many photos there are, and the mesh."""
+        mesh = "no mesh" if self.mesh is None else self.mesh.name
+        return f"Capture({self.root.name!r}, {len(self.train)} photos, {len(self.test)} held out, {mesh})"
+
 
 @dataclass(frozen=True)
 class _Told:

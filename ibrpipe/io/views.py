@@ -80,6 +80,11 @@ class View:
     depth: Path | None = None
     held_out: bool = False
 
+    def __repr__(self) -> str:
+        """Return the name, the size, and whether it is held out."""
+        held = ", held out" if self.held_out else ""
+        return f"View({self.name!r}, {self.camera.width} x {self.camera.height}{held})"
+
     @property
     def masked(self) -> bool:
         """The photo comes with a mask of any kind."""
@@ -115,6 +120,10 @@ class ViewSet:
     test: tuple[View, ...] = ()
     mesh: Path | None = None
     info: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return how many photos there are."""
+        return f"ViewSet({len(self.train)} photos, {len(self.test)} held out)"
 
     @property
     def shown(self) -> tuple[View, ...]:

@@ -39,6 +39,10 @@ class Prepared:
     data: Any
     bytes: int
 
+    def __repr__(self) -> str:
+        """Return the renderer, how many sources there are, and what is held beyond them."""
+        return f"Prepared({self.renderer!r}, {len(self.sources)} sources, {self.bytes / 1e6:.1f} MB)"
+
 
 Source = Renderable | Asset | Scene | PrerenderedScene | Prepared | Sequence["Renderable | Asset"]
 

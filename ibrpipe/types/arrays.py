@@ -14,6 +14,11 @@ Array = NDArray[Any]
 LARGEST = 1e15
 
 
+def numbers_of(values: Array) -> str:
+    """Return a few numbers as a person reads them."""
+    return f"({', '.join(f'{value + 0.0:.4g}' for value in values)})"
+
+
 def finite_array(name: str, value: ArrayLike, shape: tuple[int, ...], dtype: Any = np.float64) -> Array:
     """Return a read-only copy of `value`; every entry finite, shape as stated."""
     try:

@@ -9,6 +9,7 @@ from typing import Any
 from ibrpipe.errors import ValueRangeError
 from ibrpipe.types.arrays import Array
 from ibrpipe.types.bounds import bounds_of
+from ibrpipe.types.preview import preview_html
 from ibrpipe.types.texture import Texture
 from ibrpipe.types.view_dependence import SharedData
 
@@ -30,6 +31,10 @@ class Asset:
     def __repr__(self) -> str:
         """Return the number of textures and the kinds of view dependence; arrays are left out."""
         return f"Asset({len(self.textures)} textures, view dependence: {', '.join(self.kinds) or 'none'})"
+
+    def _repr_html_(self) -> str:
+        """Return what notebooks show: a picture, the facts, and how to see more."""
+        return preview_html(self.textures, self.info)
 
     @property
     def bounds(self) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ibrpipe.errors import ValueRangeError
-from ibrpipe.types.arrays import Array, finite_array
+from ibrpipe.types.arrays import Array, finite_array, numbers_of
 
 #: pixels of a picture at the most
 MOST_PIXELS = 1 << 30
@@ -40,6 +40,11 @@ class Camera:
     cam_from_world: Array
     width: int
     height: int
+
+    def __repr__(self) -> str:
+        """Return size, focal length and place."""
+        size, focal = f"{self.width} x {self.height}", f"focal length {self.K[0, 0]:.6g} pixels"
+        return f"Camera({size}, {focal}, at {numbers_of(self.center)})"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "K", finite_array("K", self.K, (3, 3)))
@@ -172,6 +177,13 @@ class ParallelFrame:
     a: Array
     b: Array
     f: Array
+
+    def __repr__(self) -> str:
+        """Return origin, directions of the texels and of depth."""
+        return (
+            f"ParallelFrame(origin {numbers_of(self.origin)}, a {numbers_of(self.a)}, b {numbers_of(self.b)}, "
+            f"f {numbers_of(self.f)})"
+        )
 
     def __post_init__(self) -> None:
         for name in ("origin", "a", "b", "f"):

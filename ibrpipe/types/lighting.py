@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ibrpipe.errors import ValueRangeError
-from ibrpipe.types.arrays import Array, finite_array
+from ibrpipe.types.arrays import Array, finite_array, numbers_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +24,10 @@ class Light:
 
     direction: Array
     color: Array = field(default_factory=lambda: np.ones(3))
+
+    def __repr__(self) -> str:
+        """Return direction and colour."""
+        return f"Light(from {numbers_of(self.direction)}, colour {numbers_of(self.color)})"
 
     def __post_init__(self) -> None:
         direction, color = finite_array("direction", self.direction, (3,)), finite_array("color", self.color, (3,))
@@ -49,6 +53,10 @@ class Lighting:
 
     ambient: Array = field(default_factory=lambda: np.full(3, 0.35))
     lights: tuple[Light, ...] = (Light(np.array([0.45, 0.30, 0.84]), np.full(3, 0.65)),)
+
+    def __repr__(self) -> str:
+        """Return the ambient light and how many lights there are."""
+        return f"Lighting(ambient {numbers_of(self.ambient)}, {len(self.lights)} lights)"
 
     def __post_init__(self) -> None:
         ambient = finite_array("ambient", self.ambient, (3,))

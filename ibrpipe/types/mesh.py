@@ -23,6 +23,10 @@ class Mesh:
     vertices: Array
     faces: Array
 
+    def __repr__(self) -> str:
+        """Return how many vertices and triangles there are."""
+        return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} triangles)"
+
     def __post_init__(self) -> None:
         vertices, faces = (
             contiguous("vertices", self.vertices, np.float64, 2),

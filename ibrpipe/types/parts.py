@@ -38,6 +38,10 @@ class PaintedMesh:
     specular: float = 0.0
     shininess: float = 32.0
 
+    def __repr__(self) -> str:
+        """Return the mesh and its shininess."""
+        return f"PaintedMesh({self.mesh}, {'matt' if self.specular == 0 else 'shiny'})"
+
     def __post_init__(self) -> None:
         color = contiguous("color", self.color, np.float32, 2)
         if color.shape != (len(self.mesh.vertices), 3):
@@ -69,6 +73,10 @@ class Instances:
 
     part: str
     matrices: Array
+
+    def __repr__(self) -> str:
+        """Return how many copies of what there are."""
+        return f"Instances({len(self.matrices)} of {self.part!r})"
 
     def __post_init__(self) -> None:
         given = np.asarray(self.matrices, dtype=np.float64)
@@ -110,6 +118,13 @@ class Part:
     meshes: tuple[PaintedMesh, ...] = ()
     sources: tuple[Captured, ...] = ()
     children: tuple[Instances, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return the name and what belongs to it."""
+        return (
+            f"Part({self.name!r}, {len(self.meshes)} meshes, {len(self.sources)} captured, "
+            f"{sum(map(len, self.children))} copies)"
+        )
 
     def __post_init__(self) -> None:
         if not self.name or self.name != self.name.strip() or "/" in self.name:

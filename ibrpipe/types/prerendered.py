@@ -65,6 +65,10 @@ class Prerendered:
     overlaps: Array
     info: Mapping[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Return how many parts were sliced, and the bytes of the slices."""
+        return f"Prerendered({len(self.names)} parts, {self.bytes / 1e6:.1f} MB)"
+
     @property
     def bytes(self) -> int:
         """Bytes in memory."""

@@ -38,6 +38,10 @@ class ReflectedLight:
     reflectance: tuple[float, ...]
     damping: float = 0.9
 
+    def __repr__(self) -> str:
+        """Return how many tables there are, and their size."""
+        return f"ReflectedLight({len(self.tables)} tables of {self.tables.shape[1]} x {self.tables.shape[2]})"
+
     def __post_init__(self) -> None:
         tables = contiguous("tables", self.tables, np.float32, 4)
         count, size = tables.shape[:2]
@@ -79,6 +83,10 @@ class Reflection(ViewDependence):
 
     light: ReflectedLight
     weights: Array | None = None
+
+    def __repr__(self) -> str:
+        """Return the shared light and whether samples have weights of their own."""
+        return f"Reflection({self.light}, {'no' if self.weights is None else len(self.weights)} weights)"
 
     def __post_init__(self) -> None:
         if self.weights is None:

@@ -59,6 +59,10 @@ class ReliefMesh:
     normals: Array | None = None
     tangents: Array | None = None
 
+    def __repr__(self) -> str:
+        """Return the mesh and the size of its relief."""
+        return f"ReliefMesh({self.mesh}, relief {self.height.shape[1]} x {self.height.shape[0]})"
+
     def __post_init__(self) -> None:
         count = len(self.mesh.faces)
         uv = contiguous("uv", self.uv, np.float64, 3)

@@ -88,6 +88,10 @@ class Scene:
         object.__setattr__(self, "root", root)
         object.__setattr__(self, "lighting", Lighting() if lighting is None else lighting)
 
+    def __repr__(self) -> str:
+        """Return the root's name and how many parts there are."""
+        return f"Scene({self.root!r}, {len(self.parts)} parts)"
+
     @cached_property
     def bounds(self) -> dict[str, Bounds]:
         """Boxes around all parts by name, in their own coordinates; not tight where copies are turned."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ibrpipe.types.textures import LayeredDepthImage
-from ibrpipe.types.view_dependence import SpiralResiduals, ViewDependence, check_components
+from ibrpipe.types.view_dependence import SpiralResiduals, ViewDependence, check_components, kinds_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,10 @@ class Texture:
 
     layers: LayeredDepthImage
     components: tuple[ViewDependence, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return size, samples and kinds of view dependence."""
+        return f"{type(self).__name__}({self.layers.size_in_words}, view dependence: {kinds_of(self.components)})"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "components", check_components(self.components))

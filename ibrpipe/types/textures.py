@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.errors import ShapeError, ValueRangeError
-from ibrpipe.types.arrays import Array, check_color, check_depth, contiguous
+from ibrpipe.types.arrays import Array, check_color, check_depth, contiguous, numbers_of
 from ibrpipe.types.camera import Camera, ParallelFrame
 
 
@@ -27,6 +27,10 @@ class ReliefTexture:
     frame: ParallelFrame
     color: Array
     height: Array
+
+    def __repr__(self) -> str:
+        """Return the size."""
+        return f"ReliefTexture({self.height.shape[1]} x {self.height.shape[0]})"
 
     def __post_init__(self) -> None:
         color, height = contiguous("color", self.color, np.float32, 3), contiguous("height", self.height, np.float32, 2)
@@ -54,6 +58,10 @@ class DepthImage:
     camera: Camera
     color: Array
     depth: Array
+
+    def __repr__(self) -> str:
+        """Return the size and where it was taken."""
+        return f"DepthImage({self.camera.width} x {self.camera.height}, at {numbers_of(self.camera.center)})"
 
     def __post_init__(self) -> None:
         shape = (self.camera.height, self.camera.width)
@@ -97,6 +105,11 @@ class LayeredDepthImage:
     observers: Array | None = None
     coverage: Array | None = None
 
+    def __repr__(self) -> str:
+        """Return size, samples and kind of projection."""
+        projection = "parallel" if isinstance(self.frame, ParallelFrame) else "perspective"
+        return f"LayeredDepthImage({self.size_in_words}, {projection})"
+
     def __post_init__(self) -> None:
         offsets = contiguous("offsets", self.offsets, np.int64, 2)
         depth = contiguous("depth", self.depth, np.float32, 1)
@@ -135,6 +148,11 @@ class LayeredDepthImage:
             if not ((coverage > 0) & (coverage <= 1)).all():
                 raise ValueRangeError("coverage of a sample is not above 0 and up to 1; leave out samples without any")
             object.__setattr__(self, "coverage", coverage)
+
+    @property
+    def size_in_words(self) -> str:
+        """Pixels and samples."""
+        return f"{self.shape[1]} x {self.shape[0]}, {len(self.depth)} samples"
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -78,6 +78,11 @@ def check_components(components: Sequence[ViewDependence]) -> tuple[ViewDependen
     return tuple(components)
 
 
+def kinds_of(components: Sequence[ViewDependence]) -> str:
+    """Return the kinds of components in words."""
+    return ", ".join(component.kind for component in components) or "none"
+
+
 @dataclass(frozen=True, eq=False)
 class SpiralResiduals(ViewDependence):
     """View-dependent half of a spiral texture: one residual image per spiral direction (gong-yang, sec. 4.2).
@@ -126,6 +131,10 @@ class SpiralResiduals(ViewDependence):
     valid: Array
     zero: int = 32
     closed: bool = True
+
+    def __repr__(self) -> str:
+        """Return how many images and texels there are."""
+        return f"SpiralResiduals({len(self.sizes)} images, {len(self.texels)} texels)"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "k", float(self.k))
