@@ -16,7 +16,6 @@ from ibrpipe.types.camera import Camera
 from ibrpipe.types.frame import Frame
 from ibrpipe.types.texture import Texture
 from ibrpipe.types.textures import LayeredDepthImage
-from ibrpipe.types.view_dependence import kinds_of
 
 #: edge of the picture at the most, pixels
 LONGEST = 320
@@ -24,21 +23,28 @@ MORE = "<code>ibrpipe view FOLDER</code> shows it from all sides; <code>ibrpipe.
 
 
 def preview_html(textures: Sequence[Texture], info: Mapping[str, Any]) -> str:
-    """Return a picture of the texture with most samples, and the facts, as HTML; texts of the asset are escaped."""
+    """Return a picture of a texture and the facts as HTML; texts of the asset are escaped."""
     samples = [len(texture.layers.depth) for texture in textures]
+    kinds = dict.fromkeys(part.kind for texture in textures for part in texture.components)
     facts = {
         "textures": str(len(textures)),
         "samples": f"{sum(samples):,}",
-        "view dependence": kinds_of([part for texture in textures for part in texture.components]),
-        "units": str(info.get("units", "")),
+        "view dependence": ", ".join(kinds) or "none",
+        "units": str(info.get("units", "")) or "unknown",
     }
     rows = "".join(f"<tr><th>{name}</th><td>{html.escape(value)}</td></tr>" for name, value in facts.items() if value)
     picture = ""
     if sum(samples):
-        png = front_picture(textures[int(np.argmax(samples))].layers)._repr_png_() or b""
+        png = front_picture(max((texture.layers for texture in textures), key=_worth_seeing))._repr_png_() or b""
         code = base64.b64encode(png).decode("ascii")
-        picture = f'<img alt="The asset as a window sees it" src="data:image/png;base64,{code}">'
+        picture = f'<img alt="Diffuse colours, as a window sees them" src="data:image/png;base64,{code}">'
     return f"<div>{picture}<table>{rows}</table><p>{MORE}</p></div>"
+
+
+def _worth_seeing(layers: LayeredDepthImage) -> float:
+    """Return the number of samples, less where the window looks along z: things are known by their sides."""
+    along = abs(float(layers.frame.f[2])) if not isinstance(layers.frame, Camera) else 0.0
+    return len(layers.depth) * (1.1 - along)
 
 
 def front_picture(layers: LayeredDepthImage) -> Frame:

@@ -105,6 +105,15 @@ def test_notebooks_show_a_picture_and_the_facts() -> None:
     assert "<img" not in Asset(())._repr_html_()
 
 
+def test_the_picture_is_of_a_side() -> None:
+    side, top = window((0, 0, -1), (0, 1, 0)), window((0, 1, 0), (0, 0, -1))
+    pictures = [
+        Asset(tuple(map(Texture, layers)))._repr_html_().split('src="')[1].split('"')[0]
+        for layers in ([top, side], [side], [top])
+    ]
+    assert pictures[0] == pictures[1] != pictures[2]
+
+
 def test_the_picture_is_upright_and_not_mirrored() -> None:
     grey = np.linspace(0.1, 0.6, 6).astype(np.float32)
     # of the third texel the nearer sample, and none where no photo sees it
