@@ -41,7 +41,7 @@ def make_capture_page(scene: CaptureScene, notes: PageNotes) -> Page:
     if not pictures:
         raise CaptureError(f"{scene.name}: none of its {len(views)} photos can be found; put them where they were")
     packer = Packer()
-    photos = pack_photos(pictures, packer, {})
+    photos = pack_photos(pictures, packer)
     cameras = [view.camera for view in views]
     up = up_in(notes, [view.camera for view in scene.train])
     meta = {

@@ -23,8 +23,8 @@ logger = logging.getLogger(__name__)
 
 #: pixels of all pictures of a page together, and of one, at most: some 8 MB, and as much as a laptop's window shows
 PIXELS, PIXELS_EACH = 40_000_000, 800 * 600
-#: quality of WebP pictures
-QUALITY = 80
+#: quality of WebP pictures to look at, and of those that errors are taken against
+QUALITY, QUALITY_MEASURED = 80, 94
 #: mask coverage from which on a pixel belongs to the object
 MASKED = 0.5
 
@@ -72,14 +72,18 @@ def _picture(view: View) -> Picture:
     return Picture(view, to_bytes(srgb_encode(color)), coverage >= MASKED if view.masked else None)
 
 
-def pack_photos(pictures: Sequence[Picture], packer: Packer, measured: Mapping[str, float]) -> list[dict[str, Any]]:
+def pack_photos(
+    pictures: Sequence[Picture], packer: Packer, measured: Mapping[str, float] | None = None
+) -> list[dict[str, Any]]:
     """Pack pictures and return what the page's scripts need to know of each.
 
     Parameters
     ----------
-    measured : mapping of name to float
-        PSNR of held-out views in dB, where a run has measured it.
+    measured : mapping of name to float, optional
+        PSNR of held-out views in dB, as far as a run has measured it; None = the photos are only looked at.
     """
+    quality = QUALITY if measured is None else QUALITY_MEASURED
+    known = measured or {}
     return [
         {
             "name": picture.view.name,
@@ -88,20 +92,20 @@ def pack_photos(pictures: Sequence[Picture], packer: Packer, measured: Mapping[s
             "width": picture.view.camera.width,
             "height": picture.view.camera.height,
             "heldOut": picture.view.held_out,
-            "psnr": measured.get(picture.view.name) if picture.view.held_out else None,
-            "picture": packer.add_bytes(webp(picture.color)),
+            "psnr": known.get(picture.view.name) if picture.view.held_out else None,
+            "picture": packer.add_bytes(webp(picture.color, quality)),
             "mask": None if picture.mask is None else packer.add(np.packbits(picture.mask)),
         }
         for picture in pictures
     ]
 
 
-def webp(color: Array) -> bytes:
+def webp(color: Array, quality: int = QUALITY) -> bytes:
     """Return a picture (H, W, 3 or 4) uint8 as WebP."""
     from PIL import Image
 
     out = io.BytesIO()
-    Image.fromarray(color).save(out, "WEBP", quality=QUALITY, method=4)
+    Image.fromarray(color).save(out, "WEBP", quality=quality, method=4)
     return out.getvalue()
 
 

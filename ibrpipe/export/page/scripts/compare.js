@@ -3,9 +3,9 @@
 const FULL_ERROR = 48; // 8-bit codes that are drawn as the brightest
 
 class Comparison {
-  // element: function from an id to the page's element; draw: function from a photo to the page's picture of it
-  constructor(element, tour, { draw, changed }) {
-    Object.assign(this, { element, tour, draw, changed, shown: "photo", pixels: null });
+  // element: function from an id to the page's element; render: function from a camera to the page's picture
+  constructor(element, tour, { render, changed }) {
+    Object.assign(this, { element, tour, render, changed, shown: "photo", pixels: null });
     this.overlay = element("overlay");
     element("opacity").addEventListener("input", () => this.show(this.shown === "difference" ? "photo" : this.shown));
     for (const button of element("compare").querySelectorAll("button"))
@@ -41,7 +41,7 @@ class Comparison {
     for (const button of element("compare").querySelectorAll("button"))
       button.setAttribute("aria-pressed", button.dataset.show === what);
     if (!pixels || !photo) return;
-    const compared = this.tour.scene.surfaces.length ? differenceOf(photo, pixels.data, this.draw(photo).rgba) : null;
+    const compared = this.tour.scene.surfaces.length ? differenceOf(photo, pixels.data, renderLike(photo, this.render)) : null;
     if (compared) element("error").textContent = toldError(photo, compared.psnr);
     const context = overlay.getContext("2d");
     context.putImageData(what === "difference" ? new ImageData(compared.picture, photo.width, photo.height) : pixels, 0, 0);
@@ -62,6 +62,25 @@ class Comparison {
   }
 }
 
+// The page's picture from where a photo was taken, as reports measure: the mean of those of four rays that hit, linear light.
+function renderLike(photo, render) {
+  const { rgba } = render(resized(photo, 2 * photo.width, 2 * photo.height)), wide = 8 * photo.width;
+  const light = Float32Array.from({ length: 256 }, (_, code) => {
+    const v = code / 255;
+    return v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+  });
+  const out = new Uint8ClampedArray(4 * photo.width * photo.height);
+  for (let n = 0; n < out.length; n += 4) {
+    const first = 2 * wide * Math.floor(n / 4 / photo.width) + 8 * ((n / 4) % photo.width);
+    const rays = [first, first + 4, first + wide, first + wide + 4].filter((at) => rgba[at + 3]);
+    for (let c = 0; c < 3; c++) {
+      const v = rays.reduce((sum, at) => sum + light[rgba[at + c]], 0) / Math.max(rays.length, 1);
+      out[n + c] = 255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
+    }
+  }
+  return out;
+}
+
 // Picture of the error of every pixel that counts, and PSNR over them; what the page leaves empty counts as black.
 function differenceOf({ mask }, photo, rendered) {
   const picture = new Uint8ClampedArray(photo.length);
@@ -70,7 +89,7 @@ function differenceOf({ mask }, photo, rendered) {
     const inside = !mask || mask[n >> 2];
     let error = 0;
     for (let c = 0; c < 3; c++) {
-      const off = photo[n + c] - (rendered[n + 3] ? rendered[n + c] : 0);
+      const off = photo[n + c] - rendered[n + c];
       error = Math.max(error, Math.abs(off));
       if (inside) sum += off * off;
     }

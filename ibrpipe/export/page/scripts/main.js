@@ -35,8 +35,8 @@ class Viewer {
     this.orbit = new Orbit(scene, meta.start, capture ? scene.reach : scene.radius);
     this.tour = new Tour(scene, this.orbit, (width, height) => this.roomOf(width, height));
     renderer.stage = new Stage(renderer.gl, scene, meta.start.up, () => this.changed());
-    const draw = (photo) => renderer.render(photo, { dependent: this.state.dependent });
-    this.comparison = new Comparison(byId, this.tour, { draw, changed: () => this.changed() });
+    const render = (camera) => renderer.render(camera, { dependent: this.state.dependent });
+    this.comparison = new Comparison(byId, this.tour, { render, changed: () => this.changed() });
     this.follow = placeNotes(byId("marks"), meta.notes, this.orbit, (view) => this.go(view));
     this.listen();
     if (scene.photos.length) renderer.stage.loadThumbnails(renderer.units.size);
