@@ -114,7 +114,7 @@ class Renderer {
     const { gl, scene } = this;
     const eye = cameraCenter(camera), toCentre = Math.hypot(...subtract(eye, scene.centre));
     const range = depthRange(toCentre, 1.01 * scene.radius);
-    const clip = clipFromWorld(camera, ...(show.photos ? depthRange(toCentre, 1.6 * scene.reach) : range), turned);
+    const clip = clipFromWorld(camera, ...(show.photos ? depthRange(toCentre, 1.6 * scene.reach, 1e-2) : range), turned);
     gl.viewport(0, 0, camera.width, camera.height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -186,10 +186,11 @@ class Renderer {
   }
 }
 
-// Nearest and farthest depth of a ball around the scene's centre.
-function depthRange(toCentre, radius) {
+// Nearest and farthest depth of a ball around the scene's centre; a depth buffer tells surfaces apart the worse, the less
+// the nearest is of the farthest.
+function depthRange(toCentre, radius, least = 1e-3) {
   const far = toCentre + radius;
-  return [Math.max(toCentre - radius, far * 1e-3), far];
+  return [Math.max(toCentre - radius, far * least), far];
 }
 
 // The fragment shader with those components that the scene has, in its order.
