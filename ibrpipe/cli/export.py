@@ -25,7 +25,7 @@ from ibrpipe.io.yaml_settings import Settings, validated, value_of
         "ibrpipe export scenes/forest out/impostors --format impostors",
     ),
 )
-@click.argument("source", metavar="RUN|ASSET|SCENE", type=PATH)
+@click.argument("source", metavar="RUN|ASSET|CAPTURE|SCENE", type=PATH)
 @click.argument("target", metavar="TARGET", type=PATH)
 @click.option(
     "--format", "form", metavar="NAME", help=f"{', '.join(known_exporters())}; by itself where TARGET's ending says it."
@@ -33,9 +33,9 @@ from ibrpipe.io.yaml_settings import Settings, validated, value_of
 @click.option("--notes", metavar="FILE", type=PATH, help="page: YAML file with title, credit, licence, annotations.")
 @click.option("--set", "changes", multiple=True, metavar="KEY=VALUE", help="A setting of the form; may be repeated.")
 def command(source: Path, target: Path, form: str | None, notes: Path | None, changes: tuple[str, ...]) -> None:
-    """Write the asset of a run folder, an asset folder, or a scene to TARGET in another form.
+    """Write the asset of a run folder, an asset folder, a capture, or a scene to TARGET in another form.
 
-    page: one web page, TARGET.html, that shows the asset from all sides in any browser.
+    page: one web page, TARGET.html, that shows the asset, or a capture, from all sides in any browser.
 
     glb: a mesh with an atlas as TARGET.glb, for browsers, Blender, engines; tells how many dB it loses. Settings:
     tolerance, material (unlit, lit), texture (png, webp), quality, measure.
@@ -50,8 +50,8 @@ def command(source: Path, target: Path, form: str | None, notes: Path | None, ch
 
     deep-exr: an asset folder whose layers are deep OpenEXR, which deep-aware compositors open.
 
-    impostors: of a scene, a folder for every part that its root holds copies of: albedo, normals, depth and coverage
-    from 64 directions on an octahedron and from six sides, as game engines draw them.
+    impostors: of an asset, or for every part that a scene holds copies of, a folder: albedo, normals, depth and
+    coverage from 64 directions on an octahedron and from six sides, as game engines draw them.
     """
     exporter = exporter_for(target, form)
     if notes is not None and not exporter.takes_notes:

@@ -24,7 +24,7 @@ from ibrpipe.core.color import srgb_encode, to_bytes
 from ibrpipe.export.asset_folders import asset_folder
 from ibrpipe.export.page.exporter import write
 
-CAMERAS, SIZE, REPEATS = 8, (640, 480), 3
+CAMERAS, SIZE, REPEATS = 8, (320, 240), 3
 HEAD = ("run", "asset", "page", "dB mean", "dB worst", "coverage differs", "first frame", "frame")
 
 
