@@ -76,8 +76,9 @@ def page_of(source: Path, notes: Path | None = None) -> Page:
     if asset is None:
         return make_capture_page(read_capture_scene(source), words)
     views = asset.parent / IN_RUN
-    measured = measured_psnr(asset.parent)
-    return make_page(read_asset(asset), words, name_of(asset), views if views.is_file() else None, measured)
+    if not views.is_file():
+        return make_page(read_asset(asset), words, name_of(asset))
+    return make_page(read_asset(asset), words, name_of(asset), views, measured_psnr(asset.parent))
 
 
 def make_page(

@@ -13,11 +13,12 @@ import pytest
 from click.testing import CliRunner
 
 from ibrpipe.cli.main import cli
-from ibrpipe.errors import CaptureError, MissingFileError
+from ibrpipe.errors import CaptureError, FormatError, MissingFileError
 from ibrpipe.export.page import capture_page, capture_scene, photos
 from ibrpipe.export.page.capture_page import make_capture_page, point_colors
 from ibrpipe.export.page.capture_scene import read_capture_scene
 from ibrpipe.export.page.geometry import STEPS, pack_places
+from ibrpipe.export.page.measured import measured_psnr
 from ibrpipe.export.page.notes import PageNotes
 from ibrpipe.export.page.packing import Packer
 from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
@@ -160,3 +161,19 @@ def test_masks_come_as_bits(run: Path) -> None:
     assert [each["mask"] is not None for each in packed] == masked
     if all(masked):
         assert packed[0]["mask"]["length"] == 96 * 72 // 8
+
+
+def test_the_report_states_errors_of_the_mask_or_of_what_all_cover(tmp_path: Path) -> None:
+    assert measured_psnr(tmp_path) == {}
+    (tmp_path / "report").mkdir()
+    scores = {"ldi": {"psnr": 30.0, "psnr_covered": 32.0, "ssim": 1.0}, "other": {"psnr": 9.0}}
+    views = [{"name": "a", "renderers": scores}, {"name": "b", "renderers": {"ldi": {"psnr": None}}}]
+    document = {"renderer": "ldi", "views": views, "machine": {}}
+    path = tmp_path / "report/metrics.json"
+    path.write_text(json.dumps(document))
+    assert measured_psnr(tmp_path) == {"a": 30.0}
+    path.write_text(json.dumps({**document, "headline": "covered"}))
+    assert measured_psnr(tmp_path) == {"a": 32.0}
+    path.write_text('{"views": 3}')
+    with pytest.raises(FormatError, match="run the evaluate stage again"):
+        measured_psnr(tmp_path)
