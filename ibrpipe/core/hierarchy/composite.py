@@ -113,7 +113,7 @@ def flush(n, depth, stride, texels, noted, block, planes):
 
 @fused
 def draw_slice(numbers, pixels, depth, texels, left, top, noted, block, planes):
-    # one slice in the tile at left, top; texels (N,) u64: pairs of neighbours
+    # one slice in the tile at left, top; numbers (13,) f64 as in `slices`; texels (N,) u64: pairs of neighbours
     index, parts, spots, _, _, _, affine, gains = block
     x0, x1 = max(pixels[0] - left, 0), min(pixels[1] - left, TILE)
     y0, y1 = max(pixels[2] - top, 0), min(pixels[3] - top, TILE)
@@ -122,7 +122,7 @@ def draw_slice(numbers, pixels, depth, texels, left, top, noted, block, planes):
     wide, high = np.float32(pixels[5] + 0.98), np.float32(pixels[6] + 0.98)
     for c in range(3):
         gains[c] = numbers[9 + c] / 65280.0
-    gains[3] = 1.0 / 65280.0
+    gains[3] = numbers[12] / 65280.0
     n = np.uint64(0)
     for y in range(y0, y1):
         x, row = left + 0.5, top + y + 0.5
@@ -163,7 +163,7 @@ def finish_tile(planes, back):
 @kernel
 def draw_tiles(tiles, groups, size, slices, texels, triangles, captured, noted, color, alpha, depth):
     # tiles (T,) i64: numbers of tiles, dealt to `groups` in turn; size: columns of tiles, width, height
-    # slices: starts (T + 1,) i64, items (E,) i64, numbers (J, 12) f64, pixels (J, 8) i64, depths (J,) f32
+    # slices: starts (T + 1,) i64, items (E,) i64, numbers (J, 13) f64, pixels (J, 8) i64, depths (J,) f32
     # texels (N,) u64: pairs of shaded texels; triangles: starts, items, numbers (F, 21) f32, boxes (F, 4) i64
     # captured: color (H, W, 3), alpha, depth (H, W) f32 of what other renderers drew, or empty
     # noted: whether depth is asked for -> color (H, W, 3) f32, straight; alpha, depth (H, W) f32

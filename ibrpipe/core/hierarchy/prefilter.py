@@ -86,6 +86,30 @@ def extend_slabs(near, face, reach):
 
 
 @helper
+def keep_first(face, rays, rims):
+    # texels that some rays pass through, missing all slabs, keep of the others the first hit -> rims (R, R): which
+    slabs, resolution = face.shape[0], rims.shape[0]
+    for v in range(resolution):
+        for u in range(resolution):
+            misses = 0
+            for j in range(v * rays, (v + 1) * rays):
+                for i in range(u * rays, (u + 1) * rays):
+                    hits = 0
+                    for k in range(slabs):
+                        hits += face[k, j, i] >= 0
+                    misses += hits == 0
+            rims[v, u] = misses > 0
+            if misses > 0:
+                for j in range(v * rays, (v + 1) * rays):
+                    for i in range(u * rays, (u + 1) * rays):
+                        met = False
+                        for k in range(slabs):
+                            if met:
+                                face[k, j, i] = -1
+                            met |= face[k, j, i] >= 0
+
+
+@helper
 def mean_texel(samples, count, rays, scale, out):
     # samples (10,) sums of albedo (3), n (3), xx, yy, xy, xz, yz less one -> out (12,) u8
     out[0] = min(int(255.0 * count / rays + 0.5), 255)
@@ -129,6 +153,8 @@ def add_sample(corners, colors, normal, axes, per_unit, half, i, j, samples):
 def prefilter(corners, colors, normals, axes, radius, rays, scale, reach, out, heights, tops):
     # corners, colors (F, 3, 3) f32, corners from the centre of the sphere; normals (F, 3) f32 unit; axes (D, 3, 3) f64
     # rows a, b, d; rays = q; scale: 1 / greatest albedo; reach: texels by which a slab goes on into the next one
+    # where slabs overlap, a ray at the rim of what is seen counts in the first slab that it hits, and coverage is the
+    # share of the rays that slabs before it let through: rims would be too wide if slabs hid each other by chance
     # out (D, K, R, R, 12) u8, rows along b; heights (D, K) f32: mean along d of what the slab holds, NaN = nothing;
     # tops (D, K, R, R) f32: the same of every texel, or empty where that is not asked for
     slabs, resolution = out.shape[1], out.shape[2]
@@ -140,8 +166,10 @@ def prefilter(corners, colors, normals, axes, radius, rays, scale, reach, out, h
         face = np.full((slabs, size, size), -1, np.int32)
         for number in range(len(corners)):
             cast_face(corners[number], axes[direction], per_unit, half, near, face, number)
+        rims, stopped = np.zeros((resolution, resolution), np.bool_), np.zeros((resolution, resolution), np.int64)
         if reach > 0.0:
             extend_slabs(near, face, int(reach * rays))
+            keep_first(face, rays, rims)
         sums = np.empty(11)
         for k in range(slabs):
             total, weight = 0.0, 0
@@ -160,7 +188,8 @@ def prefilter(corners, colors, normals, axes, radius, rays, scale, reach, out, h
                                 )
                     weight += count
                     if count > 0:
-                        mean_texel(sums, count, rays * rays, scale, out[direction, k, v, u])
+                        mean_texel(sums, count, rays * rays - stopped[v, u], scale, out[direction, k, v, u])
+                        stopped[v, u] += count if rims[v, u] else 0
                         if tops.size > 0:
                             tops[direction, k, v, u] = (total - before) / count / per_unit
             heights[direction, k] = total / weight / per_unit if weight > 0 else np.nan

@@ -3,8 +3,11 @@
 A slice is a plane across its part: pixel (x, y) sees its texel (u, v) by a homography, the inverse of the matrix with
 columns K M a, K M b, K (M (c + h d) + t); a, b: one texel, d: towards the viewer, h: the slab's mean height.
 
-A slice's numbers are (12,) f64: rows of u w, v w, w over (x, y, 1), then its gains of red, green, blue; and (8,) i64:
-first and last column and row (exclusive), first shaded texel, width, height, 0.
+A part narrower than a pixel is drawn a pixel wide, and covers as much less: pixels' middles would miss it, or not, by
+chance.
+
+A slice's numbers are (13,) f64: rows of u w, v w, w over (x, y, 1), then its gains of red, green, blue, coverage; and
+(8,) i64: first and last column and row (exclusive), first shaded texel, width, height, 0.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.hierarchy.shade import irradiance, lights_of_key
-from ibrpipe.core.hierarchy.traverse import determinant, octahedral_cell, solve
+from ibrpipe.core.hierarchy.traverse import determinant, octahedral_cell, solve, stretch
 from ibrpipe.core.jit import helper, kernel
 
 #: cells along a side of the octahedral map of light directions
@@ -140,15 +143,23 @@ def light_gains(inverse, lights, bins, lighting, moments, work, out):
         out[c] = wanted[c] / stored[c] if stored[c] > 1e-9 else 1.0
 
 
+@helper
+def widening(pose, sphere, focal):
+    # by what a part's texels are widened, so that its sphere is at least a pixel wide
+    z = pose[8] * sphere[0] + pose[9] * sphere[1] + pose[10] * sphere[2] + pose[11]
+    return max(z / (2.0 * stretch(pose) * sphere[3] * focal), 1.0)
+
+
 @kernel
 def place_slices(draws, poses, tables, slabs, heights, means, view, lights, lighting, numbers, pixels, depths):
     # draws (I, 6) i64: node, choice, first slab, first slice, first shaded texel, key of the lights
     # poses (I, 12) f64; tables: spheres (P, 4), axes (D, 3, 3), resolutions (L,), peaks (I,), stacks (T + 1,) i64
     # slabs (S, 7) i64 as in `shade`; heights (S,) f32; means (S, 12) f32
     # view: calibration (3, 3) f64, size (2,) f64; lights (N, 3) f64 in the camera's frame; lighting as in `shade`
-    # -> numbers (J, 12) f64, pixels (J, 8) i64, depths (J,) f32; a slice beyond the picture has no columns
+    # -> numbers (J, 13) f64, pixels (J, 8) i64, depths (J,) f32; a slice beyond the picture has no columns
     spheres, axes, resolutions, peaks, counts = tables
     calibration, limits = view
+    focal = max(calibration[0, 0], calibration[1, 1])
     for i in prange(len(draws)):
         node, level, direction = draws[i, 0], draws[i, 1] >> 16, draws[i, 1] & 0xFFFF
         forward, camera, gains = np.empty(9), np.empty(9), np.empty(3)
@@ -157,7 +168,8 @@ def place_slices(draws, poses, tables, slabs, heights, means, view, lights, ligh
         invert_pose(poses[i], inverse)
         lights_of_key(draws[i, 5], len(lights), BINS, bins)
         half = 0.5 * resolutions[level]
-        texel = spheres[node, 3] / half
+        wider = widening(poses[i], spheres[node], focal)
+        texel, share = wider * spheres[node, 3] / half, 1.0 / (wider * wider)
         d = axes[direction, 2]
         for n in range(counts[i]):
             s, j = draws[i, 2] + n, draws[i, 3] + n
@@ -173,7 +185,8 @@ def place_slices(draws, poses, tables, slabs, heights, means, view, lights, ligh
                 numbers[j, 3 + c] += (0.5 - v) * numbers[j, 6 + c]
             light_gains(inverse, lights, bins, lighting, means[s], work, gains)
             for c in range(3):
-                numbers[j, 9 + c] = gains[c] * peaks[i]
+                numbers[j, 9 + c] = gains[c] * peaks[i] * share
+            numbers[j, 12] = share
             pixels[j, 4] = draws[i, 4] + slabs[s, 5]
             pixels[j, 5], pixels[j, 6], pixels[j, 7] = width, height, 0
             x = spheres[node, 0] + heights[s] * d[0]

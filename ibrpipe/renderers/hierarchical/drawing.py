@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from ibrpipe.core.hierarchy import composite, order, slices, triangles
+from ibrpipe.errors import RendererError
 from ibrpipe.renderers.frames import limited_threads
 from ibrpipe.renderers.hierarchical.nodes import Nodes
 from ibrpipe.renderers.hierarchical.selection import Selection
@@ -16,13 +17,15 @@ from ibrpipe.types.prerendered import Prerendered
 
 #: slices and triangles that are set up on one thread: waiting for others costs more
 FEW = 2_000
+#: most triangles of a picture: 8 GB
+MOST_TRIANGLES = 1 << 26
 
 #: numbers, pixels and depths of slices
 SliceList = tuple[Array, Array, Array]
 
 
 def place(library: Prerendered, shaded: ShadedSlices, rows: Array, chosen: Selection, view: View) -> SliceList:
-    """Return numbers (J, 12), pixels (J, 8), depths (J,) of all slices; `rows` (P,): nodes as the library's parts."""
+    """Return numbers (J, 13), pixels (J, 8), depths (J,) of all slices; `rows` (P,): nodes as the library's parts."""
     parts = rows[chosen.slice_nodes]
     levels, directions = len(library.resolutions), len(library.axes)
     keys = np.empty((len(parts), 2), np.int64)
@@ -33,7 +36,7 @@ def place(library: Prerendered, shaded: ShadedSlices, rows: Array, chosen: Selec
     counts = library.stacks[keys[:, 0] + 1] - begin
     total = int(counts.sum())
     draws = np.stack([parts, chosen.choices, begin, np.cumsum(counts) - counts, firsts, keys[:, 1]], axis=1)
-    numbers, pixels = np.empty((total, 12)), np.empty((total, 8), np.int64)
+    numbers, pixels = np.empty((total, 13)), np.empty((total, 8), np.int64)
     depths = np.empty(total, np.float32)
     tables = (library.spheres, library.axes, library.resolutions, peaks, counts)
     with limited_threads(0 if total > FEW else 1):
@@ -45,7 +48,13 @@ def place(library: Prerendered, shaded: ShadedSlices, rows: Array, chosen: Selec
 
 
 def set_up(nodes: Nodes, spheres: Array, chosen: Selection, view: View) -> tuple[Array, Array]:
-    """Return numbers (T, 21) and boxes (T, 4) of all triangles."""
+    """Return numbers (T, 21) and boxes (T, 4) of all triangles.
+
+    Raises
+    ------
+    RendererError
+        There are too many.
+    """
     drawn, poses = chosen.polygon_nodes, chosen.polygon_poses
     centers = spheres[drawn]
     depth = np.einsum("ni,ni->n", poses[:, 8:11], centers[:, :3]) + poses[:, 11]
@@ -53,6 +62,11 @@ def set_up(nodes: Nodes, spheres: Array, chosen: Selection, view: View) -> tuple
     steps = np.where(depth - reach <= view.near, 2, 1)
     faces = nodes.faces[drawn + 1] - nodes.faces[drawn]
     made = faces * steps
+    if made.sum() > MOST_TRIANGLES:
+        raise RendererError(
+            f"{made.sum():,} triangles are in view; at most {MOST_TRIANGLES:,}: draw parts from slices, or raise "
+            "pixel_error"
+        )
     draws = np.stack([drawn, nodes.faces[drawn], faces, np.cumsum(made) - made, steps], axis=1)
     numbers, boxes = np.empty((int(made.sum()), 21), np.float32), np.empty((int(made.sum()), 4), np.int64)
     limits = np.array([*view.size, view.near])

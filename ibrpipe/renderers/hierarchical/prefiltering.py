@@ -10,6 +10,7 @@ import numpy as np
 
 from ibrpipe.core.hierarchy import prefilter as kernels
 from ibrpipe.core.hierarchy.compose import compose
+from ibrpipe.errors import ValueRangeError
 from ibrpipe.renderers.hierarchical.directions import nearest_table
 from ibrpipe.renderers.hierarchical.nodes import Nodes
 from ibrpipe.renderers.hierarchical.stacks import Stacks, join_stacks, packed_stacks
@@ -22,16 +23,39 @@ RESOLUTIONS = (2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64)
 MOST_POLYGONS = 250_000
 #: texels of a copy per texel of what is made from it, and places along a side of such a texel
 FINENESS, COMPOSED_RAYS = 1.4, 2
+#: texels across a part up to which there are more rays a texel: as many across the part as here
+FINE_RAYS = 16
+#: directions that choices of the traversal can name; texels of a library, and of a part at one resolution
+MOST_DIRECTIONS, MOST_TEXELS = (1 << 16) - 1, 1 << 31
 
 
 @dataclass(frozen=True)
 class Slicing:
-    """How parts are sliced: directions, texels per slab, rays along a side of a texel, finest resolution."""
+    """How parts are sliced: directions, texels per slab, rays along a side of a texel, finest resolution.
+
+    Raises
+    ------
+    ValueRangeError
+        A number that nothing can be sliced by, or more than 2^31 texels of one part.
+    """
 
     directions: int = 128
     slab_texels: float = 6.0
     rays: int = 4
     finest: int = 32
+
+    def __post_init__(self) -> None:
+        bounds = {"directions": MOST_DIRECTIONS, "slab_texels": RESOLUTIONS[-1], "rays": 64, "finest": RESOLUTIONS[-1]}
+        for name, most in bounds.items():
+            least = {"slab_texels": 0.1, "finest": RESOLUTIONS[0]}.get(name, 1)
+            if not least <= getattr(self, name) <= most:
+                raise ValueRangeError(f"{name} of slices is {getattr(self, name)}; it may be {least} to {most}")
+        dense = self.directions * self.slabs(self.finest) * self.finest**2
+        if dense > MOST_TEXELS:
+            raise ValueRangeError(
+                f"{self.directions} directions of {self.finest}^2 texels in {self.slabs(self.finest)} slabs "
+                f"are {dense:,} texels of one part; at most {MOST_TEXELS:,}: take fewer or coarser ones"
+            )
 
     def slabs(self, resolution: int) -> int:
         """Number of slabs of a stack."""
@@ -71,6 +95,7 @@ def prerender_nodes(
             stacks += _slice_node(
                 nodes.flattened(node), spheres[number], axes, resolutions, slicing, scale, overlap, number
             )
+        _check_total(stacks, len(chosen))
     return Prerendered(
         tuple(nodes.names[node] for node in chosen),
         spheres,
@@ -81,6 +106,15 @@ def prerender_nodes(
         np.array([rule.get(nodes.names[node], 0.0) for node in chosen]),
         {"seconds": perf_counter() - began},
     )
+
+
+def _check_total(stacks: list[Stacks], parts: int) -> None:
+    total = sum(len(each.texels) for each in stacks)
+    if total > MOST_TEXELS:
+        raise ValueRangeError(
+            f"{stacks[-1].part + 1} of {parts} parts have {total:,} texels of slices; at most {MOST_TEXELS:,}: take "
+            "fewer directions or a coarser finest resolution, or join parts"
+        )
 
 
 def is_composed(nodes: Nodes, node: int) -> bool:
@@ -167,8 +201,7 @@ def _slice_node(
     local, paints = (corners - sphere[:3]).astype(np.float32), np.ascontiguousarray(paints, np.float32)
     found = []
     for resolution in resolutions:
-        slabs = slicing.slabs(resolution)
-        rays = slicing.rays if resolution > 8 else 2 * slicing.rays
+        slabs, rays = slicing.slabs(resolution), max(slicing.rays, -(-FINE_RAYS * slicing.rays // resolution))
         dense = np.zeros((len(axes), slabs, resolution, resolution, kernels.TEXEL), np.uint8)
         heights = np.empty((len(axes), slabs), np.float32)
         kernels.prefilter(local, paints, normals, axes, sphere[3], rays, 1.0 / scale, overlap, dense, heights, tops)

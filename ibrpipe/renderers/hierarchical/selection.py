@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.core.hierarchy import traverse
+from ibrpipe.errors import RendererError
 from ibrpipe.renderers.frames import limited_threads
 from ibrpipe.renderers.hierarchical.guide import Guide
 from ibrpipe.renderers.hierarchical.nodes import Nodes
@@ -26,6 +27,8 @@ class Selection:
 
 #: copies that are looked at on one thread: waiting for others costs more
 FEW = 20_000
+#: most copies of one level: about 2 GB
+MOST = 1 << 24
 
 
 def select(nodes: Nodes, guide: Guide, here: Array, poses: Array, limits: Array) -> Selection:
@@ -48,9 +51,20 @@ def select(nodes: Nodes, guide: Guide, here: Array, poses: Array, limits: Array)
 
 
 def copies_of(nodes: Nodes, here: Array, poses: Array, apart: Array) -> tuple[Array, Array]:
-    """Nodes (M,) int32 and poses (M, 12) of the copies that `here[apart]` (N,) hold; `poses` are those of `here`."""
+    """Nodes (M,) int32 and poses (M, 12) of the copies that `here[apart]` (N,) hold; `poses` are those of `here`.
+
+    Raises
+    ------
+    RendererError
+        There are too many.
+    """
     firsts = nodes.copies[here[apart]]
     counts = nodes.copies[here[apart] + 1] - firsts
+    if counts.sum() > MOST:
+        raise RendererError(
+            f"a level of the hierarchy has {counts.sum():,} copies in view; at most {MOST:,}: put copies into parts, "
+            "which are drawn from slices where they are small, or raise pixel_error"
+        )
     parents = np.repeat(apart, counts)
     copies = np.arange(len(parents)) + np.repeat(firsts - np.cumsum(counts) + counts, counts)
     inner, moved = np.empty(len(parents), np.int32), np.empty((len(parents), 12))

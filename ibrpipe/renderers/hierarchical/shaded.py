@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ibrpipe.core.hierarchy import shade, table
+from ibrpipe.errors import RendererError
 from ibrpipe.types import Array
 from ibrpipe.types.prerendered import HEIGHT, WIDTH, Prerendered
+
+#: most texels of one frame, 8 GB: kernels count them in 32 bits
+MOST_TEXELS = 1 << 31
 
 
 class ShadedSlices:
@@ -56,6 +60,11 @@ class ShadedSlices:
             Stack, and bins of the lights.
         lighting : (1 + lights, 3) float64
             Ambient light and the colours of the lights; where they change, all is shaded anew.
+
+        Raises
+        ------
+        RendererError
+            The stacks hold more than 2^31 texels.
         """
         if self._lighting is None or not np.array_equal(self._lighting, lighting):
             self._lighting = lighting.copy()
@@ -64,6 +73,10 @@ class ShadedSlices:
         if self._used > self._most and len(fresh) < len(self._firsts) + len(fresh):
             self._clear()
             found, fresh = self._enter(keys)
+        if self._used > MOST_TEXELS:
+            raise RendererError(
+                f"the view needs {self._used:,} texels of shaded slices; at most {MOST_TEXELS:,}: raise pixel_error"
+            )
         self._shade(fresh, lighting)
         return self._firsts[found], self._peaks[found]
 

@@ -46,21 +46,30 @@ def hits_of_ray(corners, axes, radius, size, i, j):
 
 def twin(corners, paints, normals, axes, radius, rays, slabs, resolution, reach):
     """Coverage, mean albedo, mean n, mean n n^T of every texel of every slab, as floats, and heights of slabs."""
-    size = resolution * rays
+    size, share = resolution * rays, np.zeros((slabs, resolution, resolution))
     cover, moments = np.zeros((slabs, resolution, resolution)), np.zeros((slabs, resolution, resolution, 11))
     heights, own = [[] for _ in range(slabs)], np.full((slabs, size, size), None)
     for j in range(size):
         for i in range(size):
             for hit in reversed(hits_of_ray(corners, axes, radius, size, i, j)):
                 own[min(max(int((radius - hit[0]) / (2 * radius) * slabs), 0), slabs - 1), j, i] = hit
-    for k in range(slabs):
+    shown, passed = own.copy(), np.full((resolution, resolution), rays**2)
+    for k in range(slabs - 1):
         for j in range(size):
             for i in range(size):
-                hit = own[k, j, i]
-                if hit is None and k + 1 < slabs and near_a_hit(own[k], j, i, int(reach * rays)):
-                    hit = own[k + 1, j, i]
+                if own[k, j, i] is None and near_a_hit(own[k], j, i, int(reach * rays)):
+                    shown[k, j, i] = own[k + 1, j, i]
+    missed = np.equal(shown, None).all(axis=0).reshape(resolution, rays, resolution, rays).any(axis=(1, 3))
+    for k in range(slabs):
+        before = passed.copy()
+        for j in range(size):
+            for i in range(size):
+                hit, texel = shown[k, j, i], (j // rays, i // rays)
+                if reach > 0 and missed[texel] and any(each is not None for each in shown[:k, j, i]):
+                    hit = None
                 if hit is None:
                     continue
+                passed[texel] -= reach > 0 and missed[texel]
                 height, f, s, t = hit
                 n = normals[f] * (1 if normals[f] @ axes[2] >= 0 else -1)
                 albedo = (1 - s - t) * paints[f, 0] + s * paints[f, 1] + t * paints[f, 2]
@@ -69,8 +78,9 @@ def twin(corners, paints, normals, axes, radius, rays, slabs, resolution, reach)
                 moments[k, j // rays, i // rays] += (
                     *albedo, *n, n[0] ** 2, n[1] ** 2, n[0] * n[1], n[0] * n[2], n[1] * n[2],
                 )  # fmt: skip
+        share[k] = cover[k] / np.maximum(before, 1)
     moments /= np.maximum(cover, 1)[..., None]
-    return cover / rays**2, moments, [np.mean(h) if h else np.nan for h in heights]
+    return share, moments, [np.mean(h) if h else np.nan for h in heights]
 
 
 def near_a_hit(hits, j, i, reach):

@@ -28,7 +28,7 @@ def place(pose, lights=(), lighting=((1, 1, 1),), bins=0):
         np.array([0.5], np.float32),
         np.array([1]),
     )
-    numbers, pixels, depths = np.empty((1, 12)), np.empty((1, 8), np.int64), np.empty(1, np.float32)
+    numbers, pixels, depths = np.empty((1, 13)), np.empty((1, 8), np.int64), np.empty(1, np.float32)
     slabs, means = np.array([[*SLAB, 40, 6, 0]]), np.zeros((1, 12), np.float32)
     means[0, 4:] = 0, 0, 1, 0, 0, 0, 0, 0
     slices.place_slices(
@@ -63,7 +63,28 @@ def test_pixels_find_their_texels(seed, mirrored):
             assert pixels[2] <= y <= pixels[3]
     assert depth == pytest.approx(project(pose, 8, 8)[2])
     assert pixels[4:7].tolist() == [106, 7, 4]
-    np.testing.assert_allclose(numbers[9:], 0.5)
+    np.testing.assert_allclose(numbers[9:12], 0.5)
+    assert numbers[12] == 1.0
+
+
+def test_a_part_narrower_than_a_pixel_is_drawn_as_wide_and_covers_less():
+    pose = pose_of(1)
+    pose[3::4] *= 300.0
+    near = pose.copy()
+    near[3::4] /= 300.0
+    wide = 2 * 2.0 * np.linalg.norm(pose.reshape(3, 4)[:, :3], 2) * K[1, 1] / (pose[8:11] @ (0.1, 0.2, -0.1) + pose[11])
+    assert wide < 0.9
+    numbers, pixels, _ = place(pose)
+    np.testing.assert_allclose(numbers[9:12] / 0.5, numbers[12])
+    # a bound of the greatest stretch is used, which is at most 3 ** 0.5 times as large
+    assert wide**2 <= numbers[12] <= 3 * wide**2
+    x, _, _ = project(pose, 8, 8)
+    step = np.hypot(numbers[0] / numbers[8], numbers[3] / numbers[8])  # texels a pixel, x
+    plain = place(near)[0]
+    assert step / (300 * np.hypot(plain[0] / plain[8], plain[3] / plain[8])) == pytest.approx(
+        numbers[12] ** 0.5, rel=0.1
+    )
+    assert pixels[0] <= x <= pixels[1] or pixels[0] == pixels[1]
 
 
 def test_a_slice_beyond_the_picture_has_no_pixels():
@@ -86,7 +107,7 @@ def test_gains_make_the_mean_of_a_slab_right():
     assert middle[0] @ light > 0.97
     numbers, _, _ = place(pose, [light], [(0.2, 0.2, 0.2), (0.8, 0.4, 0.0)], int(key[0, 1]))
     wanted = (0.2 + np.array([0.8, 0.4, 0]) * light[2]) / (0.2 + np.array([0.8, 0.4, 0]) * middle[0, 2])
-    np.testing.assert_allclose(numbers[9:], 0.5 * wanted, rtol=1e-4)
+    np.testing.assert_allclose(numbers[9:12], 0.5 * wanted, rtol=1e-4)
 
 
 def test_normals_go_by_the_inverse_transpose():
