@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from ibrpipe.errors import ConfigError
 from ibrpipe.renderers.registry import AnyRenderer, registered
@@ -31,6 +31,8 @@ class Limit:
         99th percentile of the colour's error in 8-bit codes.
     reason : str
         Why the limit is what it is.
+    coverage, leak : float
+        Of scenes of copies: by what share the covered area may err, and what may be seen through whole pixels.
     """
 
     texels: float
@@ -40,6 +42,8 @@ class Limit:
     gross: float
     codes_p99: float
     reason: str
+    coverage: float = float("inf")
+    leak: float = float("inf")
 
 
 ANY = float("inf")
@@ -68,8 +72,8 @@ class Setting:
         Why it may refuse sources of a kind that it accepts; empty = it must not.
     quick : bool
         Takes part in the quick preset of ``speed-error``.
-    meshes : bool
-        Only for relief-mapped meshes: takes part in their hard cases alone.
+    only : str
+        "meshes" or "scenes": takes part in the hard cases of relief-mapped meshes, or of scenes of copies, alone.
     hard : bool
         Takes part in the hard cases; without, only in ``speed-error``: it is meant to be coarser.
     """
@@ -82,7 +86,7 @@ class Setting:
     first_layer: bool = False
     refuses: str = ""
     quick: bool = True
-    meshes: bool = False
+    only: Literal["", "meshes", "scenes"] = ""
     hard: bool = True
 
     def limit_for(self, case: str) -> Limit:
@@ -149,6 +153,31 @@ SPLATS = Limit(
     "forward-warp baseline: holes where samples are far apart, boundless footprints near the eye; only NaN counts",
 )  # fmt: skip
 
+PREFILTERED = Limit(
+    ANY, 8.0, ANY, 0.0, ANY, 10.0,
+    "prefiltered slices, at the mean depths of slabs of six texels: nearer than the rims of a ball, whose picture is "
+    "3 % wider so, 24 radii away", 0.07, 0.01,
+)  # fmt: skip
+SAMPLES = Limit(
+    ANY, ANY, ANY, 0.02, ANY, ANY, "as published: one sample a texel, drawn as a square, opaque; edges are aliased"
+)  # fmt: skip
+POLYGONS = Limit(
+    ANY, 3.0, ANY, 0.0, ANY, 10.0, "16 samples a pixel where the oracle has 64 or more: 2 codes inside, 10 at edges",
+    0.01, 0.001,
+)  # fmt: skip
+FEW_SAMPLES = Limit(
+    ANY, 3.0, ANY, 0.0, ANY, 10.0, "16 samples a pixel on a grid: what is thinner than their distance is hit by chance",
+    0.05, 0.001,
+)  # fmt: skip
+OF_SLICES = {
+    "copies-coincident": Limit(
+        ANY, 8.0, ANY, 0.0, ANY, 10.0,
+        "what covers a pixel in part hides what is behind by chance: five copies in one place cover more than one",
+        0.5, 0.01,
+    ),
+    "copies-wires": Limit(ANY, ANY, ANY, 0.0, ANY, ANY, "prefiltered: thin things cover their share", 0.01, 0.01),
+}  # fmt: skip
+
 SETTINGS: tuple[Setting, ...] = (
     Setting("ldi", "ldi"),
     Setting("ldi", "ldi patches", {"search": "patches"}, quick=False),
@@ -177,13 +206,23 @@ SETTINGS: tuple[Setting, ...] = (
         True,
         quick=False,
     ),
-    Setting("relief", "relief shell", {"model": "shell"}, meshes=True),
+    Setting("relief", "relief shell", {"model": "shell"}, only="meshes"),
     Setting("prewarp", "prewarp", {"method": "two-pass"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
     Setting("prewarp", "prewarp pipelined", {"method": "pipelined"}, SAMPLED, TOUCHED | STEEP, first_layer=True),
     Setting("prewarp", "prewarp area", {"filter": "area"}, SAMPLED, TOUCHED | CLIFF, first_layer=True, quick=False),
     Setting("prewarp", "prewarp 8-bit", {"depth_bits": 8}, SAMPLED, TOUCHED | STEEP, first_layer=True, quick=False),
     Setting("prewarp", "prewarp level 1", {"level": 1}, quick=False, hard=False),
     Setting("prewarp", "prewarp parted", {"max_step": 4.0}, quick=False, hard=False),
+    Setting("hierarchical", "hierarchical", {}, PREFILTERED, OF_SLICES, only="scenes"),
+    Setting("hierarchical", "hierarchical reproject", {"mode": "reproject"}, SAMPLES, only="scenes"),
+    Setting(
+        "hierarchical",
+        "hierarchical polygons",
+        {"mode": "polygons"},
+        POLYGONS,
+        dict.fromkeys(("copies-one-texel", "copies-wires"), FEW_SAMPLES),
+        only="scenes",
+    ),
 )
 
 

@@ -14,11 +14,14 @@ from ibrpipe.types import (
     Array,
     Camera,
     DepthImage,
+    Instances,
     LayeredDepthImage,
     Mesh,
     ParallelFrame,
     ReliefTexture,
+    Scene,
 )
+from ibrpipe.types.prerendered import PrerenderedScene
 from ibrpipe.types.relief_mesh import ReliefMesh
 from ibrpipe.types.renderable import GridSource
 
@@ -230,7 +233,37 @@ class CompositeCase:
     colors_tie: str = ""
 
 
-AnyCase = Case | Refusal | SpiralCase | MeshCase | CompositeCase
+@dataclass(frozen=True, eq=False)
+class SceneShot:
+    """A scene of copies with the slices of its parts, from where it is seen, and exact samples along a pixel's side."""
+
+    source: PrerenderedScene
+    camera: Camera
+    side: int = 8
+
+    def given_as(self, dtype: str) -> SceneShot:
+        """Return the shot with places of copies and camera given as arrays of `dtype`."""
+        scene = self.source.scene
+        parts = [
+            replace(part, children=tuple(Instances(c.part, c.matrices.astype(dtype)) for c in part.children))
+            for part in scene.parts.values()
+        ]
+        given = Scene(parts, scene.root, scene.lighting)
+        return SceneShot(PrerenderedScene(given, self.source.library), camera_as(self.camera, dtype), self.side)
+
+
+@dataclass(frozen=True)
+class CopiesCase:
+    """A picture of a scene of copies that is compared with all of them taken apart; fields as those of `Case`."""
+
+    name: str
+    group: int
+    what: str
+    build: Callable[[], SceneShot]
+    colors_tie: str = ""
+
+
+AnyCase = Case | Refusal | SpiralCase | MeshCase | CompositeCase | CopiesCase
 
 
 def relief(frame: ParallelFrame, heights: Any, camera: Camera, color: Any = None) -> Shot:

@@ -7,6 +7,7 @@ from fnmatch import fnmatchcase
 
 from ibrpipe.bench.cases.case import GROUPS, AnyCase
 from ibrpipe.bench.cases.composites import composite_cases
+from ibrpipe.bench.cases.copies import copies_cases
 from ibrpipe.bench.cases.eyes import epipole_cases, eye_cases, ray_cases
 from ibrpipe.bench.cases.meshes import mesh_cases
 from ibrpipe.bench.cases.spirals import spiral_cases
@@ -15,7 +16,7 @@ from ibrpipe.errors import ConfigError
 
 _MAKERS = (
     eye_cases, epipole_cases, ray_cases, shape_cases, composite_cases, scale_cases, bit_cases, spiral_cases,
-    frame_cases, value_cases, mesh_cases,
+    frame_cases, value_cases, mesh_cases, copies_cases,
 )  # fmt: skip
 
 

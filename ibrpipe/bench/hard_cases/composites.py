@@ -44,7 +44,7 @@ def _cell(
 ) -> Cell:
     sources, camera = [each.shot.source for each in posed], posed[0].shot.camera
     refused = [type(s).__name__ for s in sources if not isinstance(s, find_renderer(setting.renderer).accepts)]
-    if refused or setting.meshes:
+    if refused or setting.only:
         kind = refused[0] if refused else type(sources[0]).__name__
         return plain_cell(spot, "not applicable", message=f"does not take a {kind}")
     made = render_twice(spot, setting, sources, camera)

@@ -57,7 +57,7 @@ class Failure(Document):
 class HardCasesFile(Document):
     """All cells, and what they were measured on."""
 
-    schema_version: Literal[3] = 3
+    schema_version: Literal[4] = 4
     machine: Machine = Field(description="Processor, threads, versions")
     threads: list[int] = Field(description="Numbers of threads with which every cell was rendered")
     seconds: float = Field(ge=0, description="Time of the whole run, s")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numba
 
@@ -14,8 +15,11 @@ from ibrpipe.errors import IbrError
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.registry import find_renderer
 from ibrpipe.types import Array, Camera, Frame
+from ibrpipe.types.prerendered import PrerenderedScene
 from ibrpipe.types.renderable import GridSource
 
+#: what a cell draws
+Drawn: TypeAlias = GridSource | Sequence[GridSource] | PrerenderedScene
 #: why fewer bits make no case of their own
 ALIKE = "all depths are the same, or there is none: fewer bits store them alike"
 
@@ -39,9 +43,7 @@ class Spot:
     bits: int = 32
 
 
-def render_twice(
-    spot: Spot, setting: Setting, source: GridSource | Sequence[GridSource], camera: Camera
-) -> tuple[Frame, bool] | Cell:
+def render_twice(spot: Spot, setting: Setting, source: Drawn, camera: Camera) -> tuple[Frame, bool] | Cell:
     """Return the frame, and whether one thread and all threads gave the same bytes; or the cell of a failure."""
     try:
         draw = draw_with(setting, source, camera)
@@ -61,7 +63,7 @@ def thread_counts() -> tuple[int, int]:
     return 1, int(numba.config.NUMBA_NUM_THREADS)
 
 
-def draw_with(setting: Setting, source: GridSource | Sequence[GridSource], camera: Camera) -> Callable[[int], Frame]:
+def draw_with(setting: Setting, source: Drawn, camera: Camera) -> Callable[[int], Frame]:
     """Return a function from a number of threads to the frame."""
     prepared = prepare(source, setting.renderer)
     takes_threads = "threads" in find_renderer(setting.renderer).Options.model_fields

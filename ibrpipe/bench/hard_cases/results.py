@@ -53,6 +53,12 @@ class Figures(Document):
     rmse: float | None = Field(description="Root mean square distance along the ray, texels, over right hits")
     meant: float | None = Field(description="Largest distance in depth from the surface before it was stored, texels")
     meant_p99: float | None = Field(description="99th percentile of the same")
+    coverage: float | None = Field(
+        None, description="Of scenes of copies: shown area over the exact one, less 1, or less 0 where nothing is seen"
+    )
+    leak: float | None = Field(
+        None, description="Of scenes of copies: what is seen through pixels that are covered with all neighbours, mean"
+    )
 
 
 class Limits(Document):
@@ -65,6 +71,8 @@ class Limits(Document):
     gross: float | None = Field(description="For the share of pixels that are wrong by more than a texel's shift")
     codes_p99: float | None = Field(description="For the 99th percentile of colour")
     meant: float | None = Field(description="For the distance from the surface before it was stored")
+    coverage: float | None = Field(None, description="For the error of the covered area, either way")
+    leak: float | None = Field(None, description="For what is seen through covered pixels")
     reason: str = Field(description="Why the limits are these")
 
 

@@ -9,9 +9,10 @@ from time import perf_counter
 
 import numpy as np
 
-from ibrpipe.bench.cases import Case, CompositeCase, MeshCase, Refusal, Shot, SpiralCase
+from ibrpipe.bench.cases import Case, CompositeCase, CopiesCase, MeshCase, Refusal, Shot, SpiralCase
 from ibrpipe.bench.cases.case import BITS, INPUTS, AnyCase
 from ibrpipe.bench.hard_cases.composites import composite_cells
+from ibrpipe.bench.hard_cases.copies import copies_cells
 from ibrpipe.bench.hard_cases.frames import (
     ALIKE,
     Spot,
@@ -68,17 +69,21 @@ def run_hard_cases(
     """
     began, cells = perf_counter(), []
     pictures: dict[tuple[str, str], WrongPixels] = {}
+    of_scenes = [setting for setting in settings if setting.only == "scenes"]
+    of_textures = [setting for setting in settings if setting.only != "scenes"]
     for case in track(cases, "hard cases"):
         if isinstance(case, Refusal):
             cells += [_refusal(case, dtype) for dtype in inputs]
+        elif isinstance(case, CopiesCase):
+            cells += copies_cells(case, of_scenes, pictures, inputs)
         elif isinstance(case, SpiralCase):
-            cells += spiral_cells(case, settings, inputs, depths)
+            cells += spiral_cells(case, of_textures, inputs, depths)
         elif isinstance(case, CompositeCase):
-            cells += composite_cells(case, settings, pictures, inputs, depths)
+            cells += composite_cells(case, of_textures, pictures, inputs, depths)
         elif isinstance(case, MeshCase):
-            cells += mesh_cells(case, settings, pictures, inputs, depths)
+            cells += mesh_cells(case, of_textures, pictures, inputs, depths)
         else:
-            cells += _pictures(case, settings, pictures, inputs, depths)
+            cells += _pictures(case, of_textures, pictures, inputs, depths)
     model = HardCasesModel(
         machine=describe_machine(),
         threads=list(thread_counts()),
@@ -148,7 +153,7 @@ def _senseless(posed: Posed, exact: Shot) -> str:
 def _picture(spot: Spot, posed: Posed, setting: Setting, pictures: dict[tuple[str, str], WrongPixels]) -> Cell:
     case, kind, bits = spot.case, type(posed.shot.source).__name__, posed.bits
     assert isinstance(case, Case)
-    if not isinstance(posed.shot.source, find_renderer(setting.renderer).accepts) or setting.meshes:
+    if not isinstance(posed.shot.source, find_renderer(setting.renderer).accepts) or setting.only:
         return plain_cell(spot, "not applicable", message=f"does not take a {kind}")
     made = render_twice(spot, setting, posed.shot.source, posed.shot.camera)
     if isinstance(made, Cell):

@@ -19,6 +19,10 @@ from ibrpipe.types import Array
 
 #: wrong pictures shown for each setting
 SHOWN = 3
+#: error of coverage up to which scenes of copies show nothing but rounding
+COVERED = 1e-3
+#: kinds of case that have tables of their own, by what their names hold, and how these are called
+KINDS = {"": "", "mesh-": ": relief-mapped meshes", "copies-": ": scenes of copies"}
 
 
 def write_hard_page(path: Path, run: HardRun) -> None:
@@ -45,15 +49,15 @@ def write_hard_page(path: Path, run: HardRun) -> None:
 
 
 def _glance(model: HardCasesModel, groups: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One row for each group: what every setting shows over all its cells; relief-mapped meshes in a second table."""
+    """One row for each group: what every setting shows over all its cells; a table for each of `KINDS`."""
     named = {row["name"]: group["title"] for group in groups for row in group["rows"]}
     cells: dict[tuple[str, str], list[Cell]] = {}
     for cell in model.cells:
         if cell.status != "not applicable" and cell.setting != "load":
             cells.setdefault((named[cell.case], cell.setting), []).append(cell)
     tables = []
-    for mesh in (False, True):
-        titles = [group["title"] for group in groups if group["mesh"] == mesh]
+    for kind in KINDS:
+        titles = [group["title"] for group in groups if group["kind"] == kind]
         columns = [s.label for s in model.settings if any((title, s.label) in cells for title in titles)]
         rows = [
             {"title": title, "cells": [_summed(cells.get((title, n), [])) for n in columns]}
@@ -87,20 +91,24 @@ def _wrong(found: Figures) -> int:
 def _exact(cell: Cell) -> bool:
     """Say whether a cell shows nothing but rounding."""
     assert cell.figures
+    if cell.figures.coverage is not None:
+        return (
+            not _wrong(cell.figures) and abs(cell.figures.coverage) <= COVERED and (cell.figures.leak or 0.0) <= COVERED
+        )
     most = (cell.limits.texels or 0.0) if cell.limits else 0.0
     return not _wrong(cell.figures) and (cell.figures.texels or 0.0) <= max(EXACT.texels, most)
 
 
 def _groups(model: HardCasesModel) -> list[dict[str, Any]]:
-    """One table for each group, and one for its relief-mapped meshes, with the columns that have anything to show."""
+    """A table for each group and each of `KINDS`, with the columns that have anything to show."""
     cells: dict[tuple[str, str], list[Cell]] = {}
     for cell in model.cells:
         cells.setdefault((cell.case, cell.setting), []).append(cell)
     labels = [setting.label for setting in model.settings]
     found = []
     for number, name in GROUPS.items():
-        for mesh in (False, True):
-            facts = [case for case in model.cases if case.group == number and ("mesh-" in case.name) == mesh]
+        for kind, told in KINDS.items():
+            facts = [case for case in model.cases if case.group == number and _kind(case.name) == kind]
             columns = [
                 n
                 for n in (*labels, "load")
@@ -116,10 +124,15 @@ def _groups(model: HardCasesModel) -> list[dict[str, Any]]:
                 for case in facts
             ]
             failing = any(cell["tone"] == "fail" for row in rows for cell in row["cells"])
-            title = f"{number} · {name}" + (": relief-mapped meshes" if mesh else "")
+            title = f"{number} · {name}{told}"
             if rows:
-                found.append({"title": title, "columns": columns, "rows": rows, "open": failing, "mesh": mesh})
+                found.append({"title": title, "columns": columns, "rows": rows, "open": failing, "kind": kind})
     return found
+
+
+def _kind(case: str) -> str:
+    """Return which of `KINDS` a case is by its name."""
+    return next((kind for kind in KINDS if kind and kind in case), "")
 
 
 def _worst(cells: Sequence[Cell]) -> dict[str, str]:
@@ -132,7 +145,7 @@ def _worst(cells: Sequence[Cell]) -> dict[str, str]:
         found = cell.figures
         if found is None:
             return order.index(cell.status), 0.0, 0.0
-        return order.index(cell.status), _wrong(found), found.texels or found.codes or 0.0
+        return order.index(cell.status), _wrong(found), abs(found.coverage or 0.0) or found.texels or found.codes or 0.0
 
     chosen, held = max(cells, key=badness), sum(cell.status in ("pass", "refused") for cell in cells)
     shown, tried = _shown(chosen), sum(cell.status != "not applicable" for cell in cells)
@@ -180,11 +193,15 @@ def _shown(cell: Cell | None) -> dict[str, str]:
     text = figure(found.texels)
     if found.texels is None and found.codes is not None:
         text = f"{figure(found.codes)} codes"
+    if found.coverage is not None:
+        text = f"{100.0 * found.coverage:+.1f} % area"
     tone = cell.status if cell.status != "pass" or _exact(cell) else "within"
     title = (
         f"{wrong} wrong ({found.lost} lost, {found.extra} extra, {found.astray} astray), {found.doubtful} doubtful; "
         f"99 %: {figure(found.texels_p99)} texels, {figure(found.shift_p99)} pixels, {figure(found.codes_p99)} codes"
     )
+    if found.leak is not None:
+        title += f"; {100.0 * found.leak:.2g} % seen through covered pixels"
     more = f"{wrong} w" if wrong else ""
     return {"tone": tone, "text": text, "more": more, "title": "; ".join([*cell.failures, title])}
 
@@ -257,7 +274,7 @@ def _limit_rows(model: HardCasesModel) -> list[dict[str, Any]]:
             "reason": reason,
         }
         for (setting, reason), found in rows.items()
-        for names in [("texels", "texels_p99", "shift_p99", "wrong", "gross", "codes_p99")]
+        for names in [("texels", "texels_p99", "shift_p99", "wrong", "gross", "codes_p99", "coverage", "leak")]
     ]
 
 

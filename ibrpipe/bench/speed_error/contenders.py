@@ -78,7 +78,7 @@ def all_contenders(settings: Sequence[Setting], quick: bool) -> list[Contender]:
     """Return the settings that take part, then the peers."""
     found, seen = [], set()
     for setting in settings:
-        if setting.meshes or (quick and not setting.quick):
+        if setting.only or (quick and not setting.quick):
             continue
         main = setting.renderer not in seen
         seen.add(setting.renderer)
