@@ -10,7 +10,7 @@ from ibrpipe.types import Camera, Frame, Scene
 from ibrpipe.types.prerendered import PrerenderedScene
 
 if TYPE_CHECKING:
-    from ibrpipe.renderers.hierarchical.renderer import HierarchicalData
+    from ibrpipe.renderers.hierarchical.data import HierarchicalData
 
 
 class HierarchicalRenderer(Renderer["HierarchicalData", HierarchicalOptions]):
@@ -19,16 +19,13 @@ class HierarchicalRenderer(Renderer["HierarchicalData", HierarchicalOptions]):
     name = "hierarchical"
     summary = "Scenes of many copies of few parts, each drawn from images made beforehand, as finely as the view needs."
     paper = "max1999"
-    limits = (
-        "One scene at a time; captured things unstretched, in their own light; at most four lights at infinity, no "
-        "shadows."
-    )
+    limits = "One scene at a time; captured things unstretched, in their own light; at most four lights at infinity."
     accepts = (Scene, PrerenderedScene)
     Options = HierarchicalOptions
 
     def prepare(self, sources: tuple[Scene | PrerenderedScene, ...]) -> HierarchicalData:
         """Lay out the scene; slices are made where none are brought."""
-        from ibrpipe.renderers.hierarchical.renderer import prepare
+        from ibrpipe.renderers.hierarchical.data import prepare
 
         return prepare(sources)
 

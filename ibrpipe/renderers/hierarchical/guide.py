@@ -77,15 +77,15 @@ def _spheres(nodes: Nodes, library: Prerendered, rows: Array) -> Array:
         elif len(own):
             found[node] = bounding_sphere(own.astype(np.float64))
         else:
-            found[node] = _around_copies(nodes, node, found)
+            held = slice(nodes.copies[node], nodes.copies[node + 1])
+            found[node] = sphere_around(found[nodes.children[held]], nodes.matrices[held])
     return found
 
 
-def _around_copies(nodes: Nodes, node: int, spheres: Array) -> Array:
-    held = slice(nodes.copies[node], nodes.copies[node + 1])
-    inner = spheres[nodes.children[held]]
-    matrices = nodes.matrices[held].reshape(-1, 3, 4)[inner[:, 3] > 0]
-    inner = inner[inner[:, 3] > 0]
+def sphere_around(spheres: Array, matrices: Array) -> Array:
+    """(4,) float64: sphere around spheres (N, 4) under matrices (N, 12); 0 where all are empty."""
+    filled = spheres[:, 3] > 0
+    inner, matrices = spheres[filled], matrices[filled].reshape(-1, 3, 4)
     if len(inner) == 0:
         return np.zeros(4)
     centers = np.einsum("nij,nj->ni", matrices[:, :, :3], inner[:, :3]) + matrices[:, :, 3]

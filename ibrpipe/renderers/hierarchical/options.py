@@ -24,3 +24,13 @@ class HierarchicalOptions(RendererOptions):
     near: float = Field(
         default=0.0, ge=0, description="Nearest depth that is drawn, scene units; 0 = a millionth of the scene's radius"
     )
+    shadows: bool = Field(default=False, description="Lights cast shadows")
+    shadow_size: int = Field(
+        default=2048, ge=64, le=8192, description="Texels along a side of what a light sees, for shadows"
+    )
+    occlusion: int = Field(
+        default=0,
+        ge=0,
+        le=256,
+        description="Directions from which the sky is looked for, to darken ambient light where it is hidden; 0 = none",
+    )

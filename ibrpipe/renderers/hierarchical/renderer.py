@@ -1,151 +1,33 @@
-"""What the `hierarchical` renderer does: choose, light, sort, composite. Source: max1999, sec. 2 and 3."""
+"""What the `hierarchical` renderer does for a frame."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
 from time import perf_counter
 
-import numpy as np
-
-from ibrpipe.errors import RendererError
 from ibrpipe.renderers.frames import limited_threads, make_frame
-from ibrpipe.renderers.hierarchical import drawing
-from ibrpipe.renderers.hierarchical.captured import CapturedThing, captured_frame, captured_things
-from ibrpipe.renderers.hierarchical.guide import Guide, build_guide, changed_part
-from ibrpipe.renderers.hierarchical.nodes import Nodes, scene_nodes
+from ibrpipe.renderers.hierarchical.captured import captured_frame
+from ibrpipe.renderers.hierarchical.data import HierarchicalData
+from ibrpipe.renderers.hierarchical.lit import shadowed_color
 from ibrpipe.renderers.hierarchical.options import HierarchicalOptions
-from ibrpipe.renderers.hierarchical.orthogonal_views import RESOLUTION, OrthogonalViews, orthogonal_views
-from ibrpipe.renderers.hierarchical.prefiltering import Slicing, is_composed
-from ibrpipe.renderers.hierarchical.prerendering import prerender_all
-from ibrpipe.renderers.hierarchical.reprojection import reproject, without_slices
-from ibrpipe.renderers.hierarchical.selection import select
-from ibrpipe.renderers.hierarchical.shaded import ShadedSlices
-from ibrpipe.renderers.hierarchical.view import view_of
-from ibrpipe.types import Camera, Frame, Lighting, Scene
-from ibrpipe.types.prerendered import Prerendered, PrerenderedScene
-
-#: lights whose bins fit into the key of a shaded slice
-MOST_LIGHTS = 4
-
-
-@dataclass(frozen=True, eq=False)
-class HierarchicalData:
-    """A scene laid out for drawing.
-
-    Attributes
-    ----------
-    nodes : Nodes
-    library : Prerendered
-    guide : Guide
-    lighting : Lighting
-    captured : tuple of CapturedThing
-    """
-
-    nodes: Nodes
-    library: Prerendered
-    guide: Guide
-    lighting: Lighting
-    captured: tuple[CapturedThing, ...] = ()
-
-    @property
-    def bytes(self) -> int:
-        """Bytes held beyond the scene."""
-        return (
-            self.nodes.bytes
-            + self.library.bytes
-            + self.shaded.bytes
-            + sum(each.prepared.bytes for each in self.captured)
-        )
-
-    @cached_property
-    def shaded(self) -> ShadedSlices:
-        """Slices that have been lit."""
-        number = {name: node for node, name in enumerate(self.nodes.names)}
-        materials = np.array([self.nodes.materials[number[name]] for name in self.library.names]).reshape(-1, 2)
-        return ShadedSlices(self.library, materials)
-
-    @cached_property
-    def polygons_only(self) -> Guide:
-        """The guide of a walk that takes everything apart."""
-        return replace(self.guide, kinds=self.guide.kinds * (0, 1))
-
-    @cached_property
-    def views(self) -> OrthogonalViews:
-        """Six views of every part, for the published method."""
-        return orthogonal_views(self.nodes, self.library)
-
-    @cached_property
-    def published(self) -> Guide:
-        """The guide of a walk that knows one resolution of every part."""
-        kinds = self.guide.kinds.copy()
-        kinds[[is_composed(self.nodes, node) for node in range(len(kinds))], 0] = 0
-        return replace(
-            self.guide, kinds=kinds, costs=np.zeros_like(self.guide.costs[:, :1]), resolutions=np.array([RESOLUTION])
-        )
-
-    @property
-    def radius(self) -> float:
-        """Radius of the scene."""
-        return float(self.guide.spheres[self.nodes.root, 3])
-
-
-def prepare(sources: tuple[Scene | PrerenderedScene, ...]) -> HierarchicalData:
-    """Lay out a scene; slices are made with the usual settings where none are brought.
-
-    Raises
-    ------
-    RendererError
-        Several scenes, more lights than can be told apart, slices of another scene, or captured things that are
-        mirrored, sheared or stretched.
-    """
-    if len(sources) > 1:
-        raise RendererError(f"renderer 'hierarchical' draws one scene at a time, got {len(sources)}; make one of them")
-    scene = sources[0].scene if isinstance(sources[0], PrerenderedScene) else sources[0]
-    if len(scene.lighting.lights) > MOST_LIGHTS:
-        raise RendererError(
-            f"the scene has {len(scene.lighting.lights)} lights; at most {MOST_LIGHTS} are drawn; "
-            "join lights of nearly one direction, or count weak ones as ambient light"
-        )
-    nodes = scene_nodes(scene)
-    if isinstance(sources[0], PrerenderedScene):
-        library = sources[0].library
-        foreign = sorted(set(library.names) - set(nodes.names))
-        if foreign:
-            raise RendererError(f"the slices are of another scene: it has no part {foreign[0]!r}; prerender this one")
-        changed = changed_part(nodes, library)
-        if changed is not None:
-            raise RendererError(
-                f"the slices are of another scene: part {changed!r} is larger, smaller or elsewhere in this one; "
-                "prerender this one"
-            )
-    else:
-        library = prerender_all(nodes, Slicing())
-    return HierarchicalData(nodes, library, build_guide(nodes, library), scene.lighting, captured_things(scene))
+from ibrpipe.renderers.hierarchical.picture import Shading, draw_picture
+from ibrpipe.types import Camera, Frame
 
 
 def draw(data: HierarchicalData, camera: Camera, outputs: tuple[str, ...], options: HierarchicalOptions) -> Frame:
     """Render one frame; see `ibrpipe.render`."""
     began = perf_counter()
-    view = view_of(camera, data.lighting, options.near or 1e-6 * data.radius)
-    guide = {"slices": data.guide, "reproject": data.published, "polygons": data.polygons_only}[options.mode]
+    darker = (options.shadows or options.occlusion > 0) and "color" in outputs
     with limited_threads(options.threads):
-        start = np.array([data.nodes.root], np.int32)
-        chosen = select(data.nodes, guide, start, view.pose.reshape(1, 12), view.limits(options.pixel_error))
-        published = options.mode == "reproject"
-        shown = without_slices(chosen) if published else chosen
-        slices = drawing.place(data.library, data.shaded, guide.rows, shown, view)
-        faces = drawing.set_up(data.nodes, guide.spheres, chosen, view)
         captured = captured_frame(data.captured, camera, options.threads)
-        picture = drawing.draw(slices, faces, data.shaded.texels, view, published or "depth" in outputs, captured)
-        if published:
-            reproject(data.library, data.views, guide.rows, chosen, view, picture)
-        color, alpha, depth = picture
+        shading = Shading(data.lighting, data.shaded)
+        picture = draw_picture(data, camera, shading, options, darker or "depth" in outputs, captured)
+        plain = perf_counter()
+        color = shadowed_color(data, camera, picture, options, captured) if darker else picture.color
     stats = {
         "milliseconds": 1e3 * (perf_counter() - began),
-        "parts": len(chosen.slice_nodes),
-        "slices": len(slices[2]),
-        "triangles": len(faces[1]),
+        **picture.counts,
         "captured": 0 if captured is None else int(captured.stats["frames"]),
     }
-    return make_frame(outputs, depth, color, alpha, stats)
+    if darker:
+        stats["shadow_milliseconds"] = 1e3 * (perf_counter() - plain)
+    return make_frame(outputs, picture.depth, color, picture.alpha, stats)

@@ -254,9 +254,8 @@ def test_solids_leak_little_where_slabs_overlap():
         data = ibrpipe.prepare(PrerenderedScene(scene, library), "hierarchical")
         frame = ibrpipe.render(data, camera, "hierarchical")
         exact = ibrpipe.render(data, camera, "hierarchical", mode="polygons")
-        whole = exact.alpha == 1
-        inside = whole[1:-1, 1:-1] & whole[:-2, 1:-1] & whole[2:, 1:-1] & whole[1:-1, :-2] & whole[1:-1, 2:]
-        leak[overlap] = float((1 - frame.alpha[1:-1, 1:-1])[inside].mean())
+        inside = ndimage.binary_erosion(exact.alpha == 1, np.ones((5, 5)))  # texels at rims reach a pixel further
+        leak[overlap] = float((1 - frame.alpha[inside]).mean())
     assert leak[OVERLAP] < 0.5 * leak[0.0]
     assert leak[OVERLAP] < 0.01
     rule = choose_coverage(nodes, Slicing()).overlaps
