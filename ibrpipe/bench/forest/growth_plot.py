@@ -7,19 +7,19 @@ from pathlib import Path
 
 from ibrpipe.bench.forest.results import ForestRow
 
-_OURS, _PEER = "#0b6e8f", "#70767c"
+_OURS, _WALL, _PEER = "#0b6e8f", "#7fb3c4", "#70767c"
 _MARKS = {"far": "o", "middle": "s", "near": "D"}
 
 
 def write_growth_plot(rows: Sequence[ForestRow], file: Path) -> None:
-    """Draw milliseconds against trees, both logarithmic: ours, and the peer's at equal error; PNG, SVG or PDF.
+    """Draw milliseconds against trees, both logarithmic: ours, CPU and wall, and the peer's at equal error.
 
     Parameters
     ----------
     rows : sequence of ForestRow
         Views with fewer than two forests are left out.
     file : Path
-        Its folder is made.
+        PNG, SVG or PDF; its folder is made.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -31,14 +31,16 @@ def write_growth_plot(rows: Sequence[ForestRow], file: Path) -> None:
         if len(shown) < 2:
             continue
         mark = _MARKS.get(view, "o")
-        axes.plot([row.trees for row in shown], [row.ours_ms for row in shown], f"{mark}-", color=_OURS, label=view)
+        trees = [row.trees for row in shown]
+        axes.plot(trees, [row.ours_ms for row in shown], f"{mark}-", color=_OURS, label=f"{view}, CPU time")
+        axes.plot(trees, [row.ours_wall_ms for row in shown], f"{mark}:", color=_WALL, label=f"{view}, wall time")
         equal = [(row.trees, row.equal_ms) for row in shown if row.equal_ms is not None]
         if equal:
             axes.plot(*zip(*equal), f"{mark}--", color=_PEER, label=f"{view}, Embree at this error")
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("trees (29,872 triangles each)")
-    axes.set_ylabel("ms a frame (CPU time over threads)")
+    axes.set_ylabel("ms a frame (wall, or CPU time over threads)")
     axes.grid(True, which="major", color="#e4e4df")
     if axes.lines:
         figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ibrpipe.bench.forest.peer import Peer
@@ -12,9 +14,9 @@ from ibrpipe.types import Array, Camera
 SKY = (0.55, 0.70, 0.90)
 
 
-def our_picture(ours: Prepared, camera: Camera, mode: str, samples: int = 1) -> tuple[Array, Array]:
+def our_picture(ours: Prepared, camera: Camera, mode: str, **options: Any) -> tuple[Array, Array]:
     """Return premultiplied colour (H, W, 3) and coverage (H, W)."""
-    frame = render(ours, camera, "hierarchical", ("color", "alpha"), mode=mode, samples=samples)
+    frame = render(ours, camera, "hierarchical", ("color", "alpha"), mode=mode, **options)
     assert frame.color is not None
     assert frame.alpha is not None
     return frame.color * frame.alpha[..., None], frame.alpha

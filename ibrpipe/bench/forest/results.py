@@ -17,7 +17,9 @@ class ForestRow(Document):
     view: str = Field(description="far, middle or near")
     ours_ms: float = Field(ge=0, description="A frame with colour and coverage, least of the repeats")
     ours_wall_ms: float = Field(ge=0, description="The same, wall time")
-    ours_psnr: float = Field(description="Against the peer's picture of 256 samples a pixel, sRGB over a plain sky, dB")
+    ours_psnr: float | None = Field(
+        description="Against the peer's picture of 256 samples a pixel, sRGB over a plain sky, dB; none with --alone"
+    )
     peer: dict[str, tuple[float, float]] = Field(
         description="Embree with instances, by samples a pixel: milliseconds and PSNR; empty without the extra"
     )
@@ -42,6 +44,18 @@ class FlightRow(Document):
     peer_block: float | None = Field(description="Of Embree at 4 samples a pixel, largest block")
 
 
+class TradeoffRow(Document):
+    """One forest from one camera with one setting of what costs time or error."""
+
+    varied: str = Field(description="pixel_error, directions or slab_texels; the others are as usual")
+    value: float = Field(gt=0, description="Its value")
+    view: str = Field(description="far, middle or near")
+    ours_ms: float = Field(ge=0, description="A frame with colour and coverage, least of the repeats, CPU time")
+    ours_wall_ms: float = Field(ge=0, description="The same, wall time")
+    ours_psnr: float = Field(description="Against the peer's picture of 256 samples a pixel, dB")
+    library_bytes: int = Field(ge=0, description="Bytes of the slices in memory")
+
+
 class ForestModel(Document):
     """Forests of copies: speed at equal error."""
 
@@ -54,4 +68,5 @@ class ForestModel(Document):
     prerender_seconds: float = Field(ge=0, description="Time to make them, wall time")
     rows: list[ForestRow] = Field(description="By number of trees and view")
     flights: list[FlightRow] = Field(default_factory=list, description="One a forest, where --flight is given")
+    tradeoffs: list[TradeoffRow] = Field(default_factory=list, description="Of the first forest, with --tradeoff")
     seconds: float = Field(ge=0, description="Time of the whole run, s")

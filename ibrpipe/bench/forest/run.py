@@ -29,10 +29,12 @@ from ibrpipe.types.prerendered import Prerendered, PrerenderedScene
 
 #: samples of the peer along a side of a pixel: those that are timed, and those of the truth
 SIDES, TRUTH = (1, 2, 4), 16
+#: why errors are missing where nothing is compared
+ALONE = "times alone"
 
 
 @dataclass(frozen=True)
-class _Shot:
+class Shot:
     """The least CPU and wall milliseconds of a picture, and the picture over the sky (H, W, 3)."""
 
     cpu: float
@@ -48,8 +50,12 @@ def run_forest(
     size: tuple[int, int] = (640, 480),
     slicing: Slicing | None = None,
     frames: int = 0,
+    alone: bool = False,
 ) -> ForestModel:
-    """Measure forests of several sizes from several cameras, and flights of `frames` frames; see `ForestModel`."""
+    """Measure forests of several sizes from several cameras, and flights of `frames` frames; see `ForestModel`.
+
+    `alone`: only our times, without the peer and without errors.
+    """
     began = perf_counter()
     rows: list[ForestRow] = []
     flights: list[FlightRow] = []
@@ -57,7 +63,7 @@ def run_forest(
     for count in track(trees, "forests"):
         scene, cameras = forest(count, seed), forest_cameras(count, *size)
         library = _slices(forest(max(count, 50), seed), slicing or Slicing(), libraries)
-        peer, note = _peer(scene)
+        peer, note = (None, ALONE) if alone else _peer(scene)
         ours = prepare(PrerenderedScene(scene, library), "hierarchical")
         rows += [_row(count, view, cameras[view], ours, peer, note, repeats) for view in views]
         flights += [fly(count, frames, ours, peer, size)] if frames > 1 else []
@@ -87,20 +93,22 @@ def _row(
 ) -> ForestRow:
     frame = render(ours, camera, "hierarchical", ("color", "alpha"))
     stats = {name: int(frame.stats[name]) for name in ("parts", "slices", "triangles")}
-    shots: dict[int, _Shot] = {}
+    shots: dict[int, Shot] = {}
     for _ in range(repeats):
-        _keep(shots, 0, _our_shot(ours, camera))
-        for side in SIDES if peer else ():
-            _keep(shots, side, _peer_shot(peer, camera, side))
+        _keep(shots, 0, our_shot(ours, camera))
+        if peer is not None:
+            for side in SIDES:
+                _keep(shots, side, peer_shot(peer, camera, side))
     mine = shots.pop(0)
-    if peer is None:
+    truth = None
+    if peer is not None:
+        truth = peer_shot(peer, camera, TRUTH).picture
+    elif note != ALONE:
         truth = over_sky(*our_picture(ours, camera, "polygons"))
         note += "; PSNR is against our polygons at 16 samples a pixel"
-    else:
-        truth = _peer_shot(peer, camera, TRUTH).picture
-    scores = {side * side: (shot.cpu, psnr(shot.picture, truth)) for side, shot in shots.items()}
-    own = psnr(mine.picture, truth)
-    equal = equal_time(list(scores.values()), own)
+    own = None if truth is None else psnr(mine.picture, truth)
+    scores = {} if truth is None else {n * n: (shot.cpu, psnr(shot.picture, truth)) for n, shot in shots.items()}
+    equal = None if own is None else equal_time(list(scores.values()), own)
     return ForestRow(
         trees=trees, view=view, ours_ms=mine.cpu, ours_wall_ms=mine.wall, ours_psnr=own,
         peer={str(samples): score for samples, score in scores.items()}, equal_ms=equal,
@@ -108,24 +116,25 @@ def _row(
     )  # fmt: skip
 
 
-def _keep(shots: dict[int, _Shot], name: int, shot: _Shot) -> None:
+def _keep(shots: dict[int, Shot], name: int, shot: Shot) -> None:
     before = shots.get(name, shot)
-    shots[name] = _Shot(min(before.cpu, shot.cpu), min(before.wall, shot.wall), shot.picture)
+    shots[name] = Shot(min(before.cpu, shot.cpu), min(before.wall, shot.wall), shot.picture)
 
 
-def _our_shot(ours: Prepared, camera: Camera) -> _Shot:
+def our_shot(ours: Prepared, camera: Camera, **options: float) -> Shot:
+    """Draw once with the renderer `hierarchical`."""
     wall, cpu = perf_counter(), process_time()
-    color, alpha = our_picture(ours, camera, "slices")
+    color, alpha = our_picture(ours, camera, "slices", **options)
     cpu, wall = process_time() - cpu, perf_counter() - wall
-    return _Shot(1e3 * cpu / numba.get_num_threads(), 1e3 * wall, over_sky(color, alpha))
+    return Shot(1e3 * cpu / numba.get_num_threads(), 1e3 * wall, over_sky(color, alpha))
 
 
-def _peer_shot(peer: Peer | None, camera: Camera, side: int) -> _Shot:
-    assert peer is not None
+def peer_shot(peer: Peer, camera: Camera, side: int) -> Shot:
+    """Draw once with the peer, side x side samples a pixel."""
     wall = perf_counter()
     picture, cpu = peer.render(camera, side)
     wall = perf_counter() - wall
-    return _Shot(1e3 * cpu / numba.get_num_threads(), 1e3 * wall, over_sky(picture[..., :3], picture[..., 3]))
+    return Shot(1e3 * cpu / numba.get_num_threads(), 1e3 * wall, over_sky(picture[..., :3], picture[..., 3]))
 
 
 def psnr(one: Array, other: Array) -> float:

@@ -34,6 +34,13 @@ from ibrpipe.cli.show import display
     "--flight", type=click.IntRange(2), metavar="FRAMES", help="Fly over each forest: change beyond the truth's."
 )
 @click.option("--growth", type=PATH, metavar="FILE", help="Draw time against the number of trees: .png, .svg or .pdf.")
+@click.option(
+    "--tradeoff",
+    type=PATH,
+    metavar="FILE",
+    help="Try thresholds, directions and slabs on the first forest, and draw it.",
+)
+@click.option("--alone", is_flag=True, help="Only our times: no peer, no errors.")
 @click.option("--json", "file", type=PATH, metavar="FILE", help="Write the figures here.")
 def command(
     trees: str,
@@ -44,6 +51,8 @@ def command(
     slab_texels: float | None,
     flight: int | None,
     growth: Path | None,
+    tradeoff: Path | None,
+    alone: bool,
     file: Path | None,
 ) -> None:
     """Draw forests with the renderer hierarchical and with Embree's instances, in turn, and compare at equal error.
@@ -55,15 +64,25 @@ def command(
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait must not spin: CPU time is measured
     from ibrpipe.bench.forest.growth_plot import write_growth_plot
     from ibrpipe.bench.forest.run import run_forest
+    from ibrpipe.bench.forest.tradeoff import run_tradeoff
+    from ibrpipe.bench.forest.tradeoff_plot import write_tradeoff_plot
     from ibrpipe.io.manifest import write_json
     from ibrpipe.renderers.hierarchical.prefiltering import Slicing
 
-    if growth is not None and growth.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise click.UsageError(f"--growth is {str(growth)!r}; name a file that ends in .png, .svg or .pdf")
+    for option, plot in (("growth", growth), ("tradeoff", tradeoff)):
+        if plot is not None and plot.suffix.lower() not in (".png", ".svg", ".pdf"):
+            raise click.UsageError(f"--{option} is {str(plot)!r}; name a file that ends in .png, .svg or .pdf")
+    if alone and (tradeoff or flight):
+        raise click.UsageError("--alone leaves out errors, which --tradeoff and --flight are about; leave out either")
+    sizes, cameras = _numbers(trees), _names(views)
     given = {"directions": directions, "slab_texels": slab_texels}
     slicing = Slicing(**{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
     with display():
-        model = run_forest(_numbers(trees), _names(views), seed, repeats, slicing=slicing, frames=flight or 0)
+        model = run_forest(sizes, cameras, seed, repeats, slicing=slicing, frames=flight or 0, alone=alone)
+        if tradeoff is not None:
+            tried = run_tradeoff(sizes[0], cameras, seed, repeats)
+            model = model.model_copy(update={"tradeoffs": tried})
+            write_tradeoff_plot(tried, tradeoff)
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_json(file, model.model_dump(mode="json"))
@@ -93,7 +112,7 @@ def _lines(model: Any) -> dict[str, str]:
     made = f"{model.library_bytes / 1e6:.0f} MB in {model.prerender_seconds:.0f} s"
     lines = {"slices": made}
     for row in model.rows:
-        told = f"{row.ours_ms:.1f} ms, {row.ours_psnr:.1f} dB"
+        told = f"{row.ours_ms:.1f} ms" + ("" if row.ours_psnr is None else f", {row.ours_psnr:.1f} dB")
         if row.ratio is None:
             told += f"; {row.note}"
         else:
@@ -104,4 +123,7 @@ def _lines(model: Any) -> dict[str, str]:
         if flown.peer_rms is not None:
             told += f"; Embree at 4 samples {flown.peer_rms:.2f}, {flown.peer_block:.2f}"
         lines[f"{flown.trees} trees, flight"] = told
+    for tried in model.tradeoffs:
+        told = f"{tried.ours_ms:.1f} ms, {tried.ours_psnr:.1f} dB, slices {tried.library_bytes / 1e6:.0f} MB"
+        lines[f"{tried.varied} {tried.value:g}, {tried.view}"] = told
     return lines
