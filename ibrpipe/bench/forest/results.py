@@ -40,6 +40,10 @@ class FlightRow(Document):
     frames: int = Field(ge=2, description="Frames, about a pixel of motion each")
     ours_rms: float = Field(ge=0, description="Root mean square over pixels of our change less the truth's")
     ours_block: float = Field(ge=0, description="The largest mean of it over a block of 16 x 16 pixels")
+    kept_rms: float = Field(
+        ge=0, description="Ours where every frame keeps the parts, resolutions and directions of the one before"
+    )
+    kept_block: float = Field(ge=0, description="The same, largest block")
     peer_rms: float | None = Field(description="Of Embree at 4 samples a pixel; none without the extra")
     peer_block: float | None = Field(description="Of Embree at 4 samples a pixel, largest block")
 

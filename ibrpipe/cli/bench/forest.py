@@ -120,6 +120,7 @@ def _lines(model: Any) -> dict[str, str]:
         lines[f"{row.trees} trees, {row.view}"] = told
     for flown in model.flights:
         told = f"changes by {flown.ours_rms:.2f} codes more than the truth, largest block {flown.ours_block:.2f}"
+        told += f"; without any switch {flown.kept_rms:.2f}, {flown.kept_block:.2f}"
         if flown.peer_rms is not None:
             told += f"; Embree at 4 samples {flown.peer_rms:.2f}, {flown.peer_block:.2f}"
         lines[f"{flown.trees} trees, flight"] = told

@@ -67,10 +67,10 @@ def test_the_peer_takes_groves_apart_into_trees():
 
 def test_changes_beyond_the_truths_are_counted_in_codes():
     truth = [np.full((32, 48, 3), level, np.float32) for level in (0.2, 0.3, 0.4)]
-    assert flight.changes(truth, truth) == (0.0, 0.0)
+    assert flight.changes(truth, truth[1:], truth) == (0.0, 0.0)
     popped = [each.copy() for each in truth]
     popped[1][:16, 16:32] = 1.0
-    rms, block = flight.changes(popped, truth)
+    rms, block = flight.changes(popped, popped[1:], truth)
     wanted = 255 * (1 - run.srgb_encode(np.array([0.3]))[0])
     assert block == pytest.approx(wanted, rel=1e-5)
     assert rms == pytest.approx(wanted * np.sqrt(1 / 6), rel=1e-5)
@@ -81,6 +81,17 @@ def test_a_flight_changes_less_than_embree_at_four_samples():
     (flown,) = run.run_forest([60], [], **SMALL, frames=6).flights
     assert 0 < flown.ours_rms < flown.peer_rms
     assert flown.ours_block < 2 * flown.peer_block
+    assert 0 < flown.kept_rms < 1.05 * flown.ours_rms
+
+
+def test_pictures_that_keep_their_parts_are_the_same_from_where_these_were_chosen():
+    scene = run.forest(6)
+    data = scene_data(scene)
+    one, other = flight.flight_cameras(6, 2, (96, 72))
+    wanted = run.over_sky(*run.our_picture(data, one, "slices"))
+    np.testing.assert_allclose(flight.kept_picture(data.data, one, one), wanted, atol=1e-6)
+    moved = run.over_sky(*run.our_picture(data, other, "slices"))
+    assert run.psnr(flight.kept_picture(data.data, one, other), moved) > run.psnr(wanted, moved) + 3
 
 
 def test_growth_is_drawn_for_views_of_several_forests(tmp_path):
