@@ -22,7 +22,7 @@ def main() -> None:
     pictures = []
     for eye, at in (((7.0, -8.0, 2.6), (0, 0, 2.2)), ((13.5, 6.5, 2.2), (0, 0, 2.0)), ((0, -75, 48), (0, 0, 0))):
         camera = ibrpipe.Camera.look_at(eye, at, fov_y_deg=48.0, width=420, height=420)
-        frame = ibrpipe.render(prepared, camera, "hierarchical")
+        frame = ibrpipe.render(prepared, camera, "hierarchical", shadows=True, shadow_size=4096)
         sys.stdout.write(f"{frame.stats}\n")
         pictures.append(frame.color * frame.alpha[..., None] + (1 - frame.alpha[..., None]) * SKY)
     write_png(target, np.concatenate(pictures, axis=1))

@@ -29,6 +29,8 @@ BOUNDS = {
     ("splat", "residuals"): (-1, 0.5, None),
     ("hierarchical", "mode"): ("images", True, None), ("hierarchical", "near"): (-1e-9, True, "0.5", None),
     ("hierarchical", "pixel_error"): (0.0, 0.0999, 16.1, True, "1", None),
+    ("hierarchical", "occlusion"): (-1, 257, 8.0, True, "8", None), ("hierarchical", "shadows"): (2, "yes?", None),
+    ("hierarchical", "shadow_size"): (63, 8193, 512.0, True, "512", None),
     ("prewarp", "depth_bits"): (0, 16, 31.5, "8", True, None),
     ("prewarp", "fallback"): (True, None), ("prewarp", "filter"): ("blur", None),
     ("prewarp", "level"): (-1, 17, 0.5, True),

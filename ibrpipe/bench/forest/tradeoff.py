@@ -22,8 +22,8 @@ from ibrpipe.types.prerendered import PrerenderedScene
 
 #: what is tried, one after the other, all else as usual
 ERRORS = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
-DIRECTIONS = (24, 48, 96, 192)
-SLABS = (1.5, 3.0, 12.0, 32.0)
+DIRECTIONS = (24, 48, 96)
+SLABS = (1.5, 3.0, 12.0)
 #: pixel error where others are varied
 USUAL = 0.7
 
