@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ibrpipe.bench.forest import embree_instances, flight, growth_plot, peer, run
-from ibrpipe.bench.forest.results import ForestRow
+from ibrpipe.bench.forest import embree_instances, flight, growth_plot, peer, run, tradeoff, tradeoff_plot
+from ibrpipe.bench.forest.results import ForestRow, TradeoffRow
 from ibrpipe.cli.main import cli
 from ibrpipe.errors import ResourceError
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing
@@ -103,7 +103,43 @@ def test_growth_is_drawn_for_views_of_several_forests(tmp_path):
     growth_plot.write_growth_plot(rows, tmp_path / "new" / "growth.svg")
     drawn = (tmp_path / "new" / "growth.svg").read_text(encoding="utf-8")
     assert "far, Embree at this error" in drawn
+    assert "far, wall time" in drawn
     assert "near" not in drawn
+
+
+def test_alone_only_times_are_told():
+    (row,) = run.run_forest([2], ["far"], **SMALL, alone=True).rows
+    assert (row.ours_psnr, row.peer, row.equal_ms, row.ratio, row.note) == (None, {}, None, None, run.ALONE)
+    assert row.ours_ms > 0
+
+
+def test_the_trade_off_varies_one_thing_at_a_time(monkeypatch):
+    pytest.importorskip("embreex")
+    monkeypatch.setattr(tradeoff, "Slicing", lambda: Slicing(12, 6.0, 2, 8))
+    for name, values in (("ERRORS", (0.7, 4.0)), ("DIRECTIONS", (6,)), ("SLABS", (1.0,))):
+        monkeypatch.setattr(tradeoff, name, values)
+    rows = tradeoff.run_tradeoff(2, ["far"], repeats=1, size=(96, 72))
+    assert [(row.varied, row.value) for row in rows] == [
+        ("pixel_error", 0.7),
+        ("pixel_error", 4.0),
+        ("directions", 12),
+        ("slab_texels", 6),
+        ("directions", 6),
+        ("slab_texels", 1),
+    ]
+    assert rows[0].ours_psnr > rows[1].ours_psnr
+    assert rows[4].library_bytes < rows[0].library_bytes < rows[5].library_bytes
+
+
+def test_the_trade_off_is_drawn_with_its_values(tmp_path):
+    made = {"ours_wall_ms": 1.0, "library_bytes": 9}
+    rows = [
+        TradeoffRow(varied=varied, value=value, view="far", ours_ms=ms, ours_psnr=40.0 + ms, **made)
+        for varied, value, ms in (("pixel_error", 0.35, 9.0), ("pixel_error", 1.4, 3.0), ("directions", 96, 5.0))
+    ]
+    tradeoff_plot.write_tradeoff_plot(rows, tmp_path / "new" / "trade.svg")
+    drawn = (tmp_path / "new" / "trade.svg").read_text(encoding="utf-8")
+    assert [f">{text}<" in drawn for text in ("0.35", "1.4", "96", "0.7")] == [True, True, True, False]
 
 
 def test_without_the_peer_the_row_says_so(monkeypatch):
@@ -156,6 +192,8 @@ def test_the_command_writes_its_figures(tmp_path, monkeypatch):
         (["--trees", "0"], "at least 1"),
         (["--views", "close"], "far, middle, near"),
         (["--growth", "plot.gif"], "ends in .png, .svg or .pdf"),
+        (["--tradeoff", "plot.gif"], "ends in .png, .svg or .pdf"),
+        (["--alone", "--flight", "4"], "leaves out errors"),
     ],
 )
 def test_wrong_options_are_usage_errors(options, told):
