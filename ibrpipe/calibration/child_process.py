@@ -19,7 +19,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
-import ibrpipe
 from ibrpipe import errors
 from ibrpipe.errors import IbrError, ResourceError
 
@@ -64,7 +63,7 @@ def run_child(module: str, argument: Path, log: Path, seconds: float, progress: 
 
 def _environment() -> dict[str, str]:
     """Return the environment in which the child finds this very package; products of matrices take one thread each."""
-    here = str(Path(ibrpipe.__file__).parent.parent)
+    here = str(Path(errors.__file__).parent.parent)
     paths = [here, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
     return {
         **os.environ,

@@ -11,9 +11,10 @@ import click
 from ibrpipe.cli.figures import print_table, score_table
 from ibrpipe.cli.options import PATH, example, json_option, workers_option
 from ibrpipe.cli.run import run_shown, summary
-from ibrpipe.cli.show import display, size
+from ibrpipe.cli.show import display
 from ibrpipe.cli.synth import made
 from ibrpipe.engine.artifacts import paths_below, products
+from ibrpipe.engine.event_words import size
 from ibrpipe.engine.executor import executor
 from ibrpipe.engine.pipeline_file import load_pipeline
 from ibrpipe.engine.run_folder import only_run

@@ -12,7 +12,7 @@ from rich.table import Table
 from ibrpipe.cli.describe import Facts, describe
 from ibrpipe.cli.figures import facts_table, print_table
 from ibrpipe.cli.options import PATH, example, json_option
-from ibrpipe.cli.show import duration, size
+from ibrpipe.engine.event_words import duration, size
 
 
 @click.command(

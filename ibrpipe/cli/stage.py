@@ -19,8 +19,9 @@ from ibrpipe.cli.options import (
     out_option,
     workers_option,
 )
-from ibrpipe.cli.show import display, told
+from ibrpipe.cli.show import display
 from ibrpipe.engine.artifacts import GIVEN, Source, input_fields, paths_below, sources
+from ibrpipe.engine.event_words import told
 from ibrpipe.engine.executor import executor
 from ibrpipe.engine.run_folder import only_run
 from ibrpipe.engine.runner import Job, run_job, upstream_keys

@@ -12,8 +12,9 @@ import click
 
 from ibrpipe.cli.describe import scene_facts
 from ibrpipe.cli.options import PATH, config_options, example, given, json_option
-from ibrpipe.cli.show import Display, display, size, told
+from ibrpipe.cli.show import Display, display
 from ibrpipe.config import StageConfig
+from ibrpipe.engine.event_words import size, told
 from ibrpipe.engine.runner import Job, run_job
 from ibrpipe.engine.stage import Stage, StageOutputs
 from ibrpipe.errors import ConfigError

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import ibrpipe
 from ibrpipe.capture.photo_set import PhotoSet
 from ibrpipe.embree import MeshCaster
 from ibrpipe.evaluation.baselines import render_median, render_ulr
 from ibrpipe.evaluation.timing import Draw, Method
 from ibrpipe.io.frames import Frames
 from ibrpipe.io.views import View
-from ibrpipe.renderers.api import Prepared
+from ibrpipe.renderers.api import Prepared, prepare, render
 from ibrpipe.renderers.registry import shows_view_dependence
 from ibrpipe.renderers.renderer_spec import Choice, choose, with_samples
 from ibrpipe.types import Asset, Camera, Frame
@@ -47,13 +46,13 @@ def compare_methods(asset: Asset, frames: Frames, caster: MeshCaster, photos: Ph
         A renderer is unknown or cannot render the asset.
     """
     choices = {name: with_samples(choose(name), frames.samples) for name in frames.renderers}
-    prepared = {name: ibrpipe.prepare(asset, choice.name) for name, choice in choices.items()}
+    prepared = {name: prepare(asset, choice.name) for name, choice in choices.items()}
     first, samples = frames.renderers[0], frames.samples
     ready, diffuse = prepared[first], _without_view_dependence(choices[first])
     return ComparedMethods(
         renderers={name: _frame_of(frames, choice, prepared[name]) for name, choice in choices.items()},
         baselines={
-            "diffuse": lambda view: ibrpipe.render(ready, view.camera, diffuse.name, **diffuse.options),
+            "diffuse": lambda view: render(ready, view.camera, diffuse.name, **diffuse.options),
             "ulr": lambda view: render_ulr(view.camera, caster, photos, samples),
             "mesh": lambda view: render_median(view.camera, caster, photos, samples),
         },
@@ -77,13 +76,13 @@ def _frame_of(frames: Frames, choice: Choice, prepared: Prepared) -> Callable[[V
 
     def load_or_render(view: View) -> Frame:
         found = frames.load(choice.text, view)
-        return found or ibrpipe.render(prepared, view.camera, choice.name, **choice.options)
+        return found or render(prepared, view.camera, choice.name, **choice.options)
 
     return load_or_render
 
 
 def _method(choice: Choice, prepared: Prepared) -> Method:
     def prepare(camera: Camera) -> Draw:
-        return lambda: ibrpipe.render(prepared, camera, choice.name, TIMED_OUTPUTS, **choice.options)
+        return lambda: render(prepared, camera, choice.name, TIMED_OUTPUTS, **choice.options)
 
     return prepare

@@ -8,7 +8,8 @@ from pathlib import Path
 import click
 
 from ibrpipe.cli.options import PATH, example, json_option
-from ibrpipe.cli.show import display, size
+from ibrpipe.cli.show import display
+from ibrpipe.engine.event_words import size
 
 
 @click.command(
