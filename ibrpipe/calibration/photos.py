@@ -16,6 +16,7 @@ from ibrpipe.io.captures import read_shots
 from ibrpipe.io.manifest import files_below
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
+from ibrpipe.io.videos.read import is_video
 
 #: folders of a capture that hold pictures which are no photos, or are photos of another kind
 BESIDE_PHOTOS = ("test", "masks", "depth", "depths", "sparse", "dense", "light")
@@ -43,6 +44,8 @@ def photos_of(root: Path) -> tuple[PhotoEntry, ...]:
         No photos, or cameras that cannot be read.
     """
     found = _half(root)
+    if not found and root.is_dir() and any(map(is_video, files_below(photo_root(root)))):
+        raise CaptureError(f"{root}: holds videos and no photos; `ibrpipe run {root}` takes photos from them")
     if not found:
         raise CaptureError(
             f"{root}: no photos found; expected JPEG, PNG, TIFF or EXR files in it or in its images/, put them there"
@@ -58,7 +61,7 @@ def _half(root: Path) -> list[PhotoEntry]:
         if not shot.image.is_file():
             raise MissingFileError(f"{shot.image}: the photo does not exist, but the capture's cameras name it")
     folder = photo_root(root)
-    images = {file.relative_to(folder).as_posix(): file for file in _files(folder)}
+    images = {file.relative_to(folder).as_posix(): file for file in photo_files(folder)}
     if folder == root:
         images = {name: file for name, file in images.items() if name.split("/")[0] not in BESIDE_PHOTOS}
     images |= {name: shot.image for name, shot in shots.items()}
@@ -69,7 +72,8 @@ def _half(root: Path) -> list[PhotoEntry]:
     return [_with_camera(entry, shots[name]) if name in shots else entry for name, entry in zip(names, entries)]
 
 
-def _files(folder: Path) -> list[Path]:
+def photo_files(folder: Path) -> list[Path]:
+    """Return the photos below a folder by their names, masks beside them left out."""
     if not folder.is_dir():
         return []
     found = (path for path in files_below(folder) if path.suffix.lower() in PHOTO_SUFFIXES and path.is_file())

@@ -45,9 +45,22 @@ def measure_photo(view: View, colour: Array, mask: Array) -> tuple[float, float,
     grey = np.ascontiguousarray(srgb_encode(luminance(colour / np.float32(view.gain))))
     inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0
     inner = inner if inner.any() else inside
-    spread = float(grey[inner].var())
-    edges = cv2.Laplacian(grey, cv2.CV_32F)[inner]
-    return (float(edges.var()) / spread if spread > 1e-8 else 0.0), clipped, black, covered
+    return relative_sharpness(grey, inner), clipped, black, covered
+
+
+def relative_sharpness(grey: Array, inside: Array) -> float:
+    """Variance of the Laplacian over that of the luminance itself, of the pixels inside; 0 where all are the same.
+
+    Parameters
+    ----------
+    grey : (H, W) float32
+        Display code, 0 to 1.
+    inside : (H, W) bool
+    """
+    import cv2
+
+    spread = float(grey[inside].var())
+    return float(cv2.Laplacian(grey, cv2.CV_32F)[inside].var()) / spread if spread > 1e-8 else 0.0
 
 
 def damaged(view: View, error: BaseException) -> Finding:

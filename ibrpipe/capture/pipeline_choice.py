@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from ibrpipe.io.captures import CaptureOptions, has_cameras, read_capture
+from ibrpipe.io.videos.read import is_video
 
 
 def choose_pipeline(folder: Path, allow_outside: bool = False) -> tuple[str, str]:
-    """Return the name of the pipeline for a capture folder, and why in a few words.
+    """Return the name of the pipeline for a capture folder or a video, and why in a few words.
 
-    Without cameras it is ``photos``, with cameras ``calibrated``, with cameras and a mesh ``mesh``.
+    For a video, and without cameras, it is ``photos``, with cameras ``calibrated``, with cameras and a mesh ``mesh``.
 
     Parameters
     ----------
@@ -23,6 +24,8 @@ def choose_pipeline(folder: Path, allow_outside: bool = False) -> tuple[str, str
     IbrError
         There is no such folder, or what it states cannot be read.
     """
+    if is_video(folder):
+        return "photos", "a video"
     if folder.is_dir() and not has_cameras(folder):
         return "photos", "no cameras"
     capture = read_capture(folder, CaptureOptions(allow_outside=allow_outside))

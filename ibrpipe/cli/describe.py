@@ -21,7 +21,7 @@ Facts = dict[str, Any]
 
 
 def describe(path: Path) -> Facts:
-    """Return the facts about a capture, run, asset or scene folder, a ``views.json`` or a glTF file.
+    """Return the facts about a capture, run, asset or scene folder, a ``views.json``, a glTF file or a video.
 
     ``kind`` says which.
 
@@ -33,11 +33,14 @@ def describe(path: Path) -> Facts:
         What is there cannot be read.
     """
     from ibrpipe.io.scenes import is_scene, read_scene
+    from ibrpipe.io.videos.read import is_video
 
     if not path.exists():
         raise MissingFileError(f"{path} does not exist; expected a capture, run, asset or scene, or a views.json")
     if is_scene(path):
         return scene_facts(read_scene(path), path)
+    if path.is_file() and is_video(path):
+        return _video(path)
     if path.is_file():
         if path.suffix.lower() != ".json":
             raise FormatError(f"{path}: is neither a views.json nor a scene; give the folder that holds it")
@@ -110,11 +113,14 @@ def _capture(path: Path) -> Facts:
 
 def _photos(path: Path) -> Facts:
     """Return the facts about a capture folder without cameras."""
-    from ibrpipe.calibration.photos import photos_of
+    from ibrpipe.calibration.photos import photo_files, photos_of
+    from ibrpipe.io.cameras.shots import photo_root
     from ibrpipe.io.photos.exif import read_exif
     from ibrpipe.io.photos.image_files import read_header
+    from ibrpipe.stages.stills import videos_of
 
-    photos = photos_of(path)
+    videos = videos_of(path)
+    photos = () if videos and not photo_files(photo_root(path)) else photos_of(path)
     headers = [read_header(Path(photo.image)) for photo in photos]
     focals = [read_exif(Path(photo.image)).focal for photo in photos]
     facts: Facts = {"kind": "capture", "path": str(path), "photos": sum(not photo.held_out for photo in photos)}
@@ -122,7 +128,22 @@ def _photos(path: Path) -> Facts:
     facts |= {"sizes": sorted({f"{header.width} x {header.height}" for header in headers})}
     facts |= {"masks": sum(photo.mask is not None or photo.mask_from_alpha for photo in photos)}
     facts |= {"focal_lengths_stated": sum(focal is not None for focal in focals)}
-    return facts | {"notes": ["no cameras: `ibrpipe run photos` finds them from the photos"]}
+    facts |= {"videos": {video.name: _length(video) for video in videos}} if videos else {}
+    notes = ["photos are taken from the videos by `ibrpipe run`"] if videos else []
+    return facts | {"notes": [*notes, "no cameras: `ibrpipe run photos` finds them from the photos"]}
+
+
+def _video(path: Path) -> Facts:
+    facts: Facts = {"kind": "video", "path": str(path), **_length(path)}
+    return facts | {"notes": [f"`ibrpipe run {path}` takes photos from it"]}
+
+
+def _length(video: Path) -> Facts:
+    from ibrpipe.io.videos.read import read_video_header
+
+    header = read_video_header(video)
+    facts: Facts = {"size": f"{header.width} x {header.height}", "frames": header.frames, "seconds": header.seconds}
+    return facts | {"bytes": video.stat().st_size}
 
 
 def _views(path: Path) -> Facts:

@@ -9,17 +9,19 @@ from typing import Any
 
 import click
 
-from ibrpipe.capture.pipeline_choice import choose_pipeline
 from ibrpipe.cli.options import dask_option, example, json_option, workers_option
-from ibrpipe.cli.show import display, duration, told
+from ibrpipe.cli.show import display
 from ibrpipe.engine.artifacts import products
+from ibrpipe.engine.event_words import duration, told
 from ibrpipe.engine.executor import executor
 from ibrpipe.engine.pipeline_file import Pipeline, load_pipeline, packaged_pipelines
 from ibrpipe.engine.runner import Run, run_pipeline
 from ibrpipe.errors import ConfigError
 from ibrpipe.evaluation.metrics import read_metrics
 from ibrpipe.io.manifest import Manifest
+from ibrpipe.io.videos.read import is_video
 from ibrpipe.stages.registry import load_stages, registered
+from ibrpipe.stages.whole_run import asked_run, suited_pipeline
 
 _PATH = click.Path(path_type=Path)
 
@@ -28,6 +30,7 @@ _PATH = click.Path(path_type=Path)
     name="run",
     epilog=example(
         "ibrpipe run photos-of-vase --out out",
+        "ibrpipe run clip.mp4 --out out --set ingest.video_frames=80",
         "ibrpipe run pipelines/mesh.yaml --capture photos --out out",
         "ibrpipe run mesh --out out --from residuals --set residuals.k=0.0625",
     ),
@@ -55,6 +58,9 @@ def command(
 ) -> None:
     """Run a pipeline on the photos of CAPTURE, a folder: photos, calibrated or mesh, by what the folder holds.
 
+    CAPTURE may be a video, or hold some: the sharpest frame of every step of the camera is taken as a photo
+    (ingest.video_frames says how many).
+
     Or run PIPELINE, a file or the name of one that comes with ibrpipe, on the folder that --capture names. A name of a
     pipeline comes before a folder of that name: write ./mesh for the folder.
 
@@ -64,8 +70,7 @@ def command(
     if capture is None and _is_capture(what):
         pipeline, capture = _chosen(Path(what), changes), Path(what)
     loaded = _loaded(pipeline, changes)
-    run = Run(loaded, out, capture, first, last, force)
-    done = run_shown(run, shared["workers"], shared["dask"])
+    done = run_shown(asked_run(loaded, out, capture, first, last, force), shared["workers"], shared["dask"])
     if shared["as_json"]:
         click.echo(json.dumps(summary(out, done), indent=2))
     else:
@@ -82,14 +87,13 @@ command.params += [workers_option, dask_option, json_option]
 
 
 def _is_capture(what: str) -> bool:
-    """Say whether a folder is meant; a file, and a bare name of a pipeline that comes with ibrpipe, are pipelines."""
-    return Path(what).is_dir() and what not in packaged_pipelines()
+    """Say whether a folder or a video is meant; other files, and bare names of packaged pipelines, are pipelines."""
+    return is_video(Path(what)) or (Path(what).is_dir() and what not in packaged_pipelines())
 
 
 def _chosen(capture: Path, changes: tuple[str, ...]) -> Path:
     """Return the name of the pipeline for a capture, and tell it on stderr."""
-    ingest: Any = _loaded(Path("photos"), changes).configs["ingest"]
-    name, why = choose_pipeline(capture, ingest.allow_outside)
+    name, why = suited_pipeline(capture, _loaded(Path("photos"), changes))
     click.echo(f"{capture}: {why}: pipeline {name}", err=True)
     return Path(name)
 

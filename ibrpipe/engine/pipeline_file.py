@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator
 
-import ibrpipe
+from ibrpipe import config
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage
 from ibrpipe.errors import ConfigError, MissingFileError, closest
@@ -56,7 +56,9 @@ def _section(stage: Stage) -> Any:
     return Field(default_factory=stage.config, description=stage.summary)
 
 
-def load_pipeline(path: Path, stages: Sequence[Stage], changes: Sequence[str] = ()) -> Pipeline:
+def load_pipeline(
+    path: Path, stages: Sequence[Stage], changes: Sequence[str] = (), values: Mapping[str, Any] | None = None
+) -> Pipeline:
     """Read a pipeline file and apply `changes` of the form ``stage.key=value``.
 
     Parameters
@@ -67,6 +69,8 @@ def load_pipeline(path: Path, stages: Sequence[Stage], changes: Sequence[str] = 
         The stages that the file may name.
     changes : sequence of str
         Settings that replace those of the file; values are YAML.
+    values : mapping, optional
+        The same as ``stage.key`` to plain values.
 
     Raises
     ------
@@ -84,6 +88,8 @@ def load_pipeline(path: Path, stages: Sequence[Stage], changes: Sequence[str] = 
     take_current_names(model, settings)
     for change in changes:
         apply_change(settings, change, model)
+    for key, value in (values or {}).items():
+        settings.put(renamed(model, tuple(key.split("."))), value, f"settings[{key!r}]")
     filled = validated(model, settings)
     configs = {stage.name: getattr(filled, stage.name) for stage in stages}
     return Pipeline(filled.name, filled.seed, configs)  # type: ignore[attr-defined]
@@ -100,7 +106,7 @@ def apply_change(settings: Settings, change: str, model: type[BaseModel]) -> Non
 
 def pipeline_folders() -> tuple[Path, ...]:
     """Return the folders that may hold the pipelines that come with ibrpipe: installed, and in a checkout."""
-    package = Path(ibrpipe.__file__).parent
+    package = Path(config.__file__).parent
     return package / "pipelines", package.parent / "pipelines"
 
 

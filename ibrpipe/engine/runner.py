@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrpipe.config import StageConfig
-from ibrpipe.engine.artifacts import check_capture, files_named, hashes, needs, wire
+from ibrpipe.engine.artifacts import check_capture, files_named, hashes, input_fields, needs, wire
 from ibrpipe.engine.pipeline_file import Pipeline
 from ibrpipe.engine.provenance import code_digest, measured, versions
 from ibrpipe.engine.run_document import RunDocument
@@ -160,6 +160,9 @@ class Run:
         Stages to begin and end with. Earlier results are taken as they are.
     force : bool
         Run the chosen stages even where nothing changed.
+    prepare : callable or None
+        Returns the folder of photos that stands for what `capture` names, such as a video; it says itself what is
+        wrong with it. None = a capture is a folder of photos.
     """
 
     pipeline: Pipeline
@@ -168,6 +171,7 @@ class Run:
     first: str | None = None
     last: str | None = None
     force: bool = False
+    prepare: Callable[[Path, Hasher, Report], Path] | None = None
 
 
 def run_pipeline(run: Run, stages: Sequence[Stage], report: Report = _silent) -> dict[str, Manifest]:
@@ -179,7 +183,7 @@ def run_pipeline(run: Run, stages: Sequence[Stage], report: Report = _silent) ->
         As raised by a stage. The results of the stages before it stay, and the next run goes on from there.
     """
     chosen = _chosen(run, stages)
-    if run.capture is not None:
+    if run.capture is not None and not (run.prepare and run.capture.is_file()):
         check_capture(run.capture)
     fresh, done = not run.out.exists(), dict[str, Manifest]()
     try:
@@ -200,6 +204,8 @@ def _run_chosen(
         _record(run, capture)
         hasher = Hasher(run.out / _HASHES)
         try:
+            if run.prepare is not None and capture is not None and _reads_capture(chosen):
+                capture = run.prepare(capture, hasher, report)
             for number, stage in enumerate(chosen, 1):
                 fields = wire(stage, stages, run.out, capture, run.pipeline.seed)
                 config = run.pipeline.configs[stage.name]
@@ -207,6 +213,10 @@ def _run_chosen(
                 done[stage.name] = run_job(job, hasher, run.force, _counted(report, number, len(chosen)))
         finally:
             hasher.remember()
+
+
+def _reads_capture(stages: Sequence[Stage]) -> bool:
+    return any("capture" in input_fields(stage) for stage in stages)
 
 
 def _remove_bare(out: Path) -> None:

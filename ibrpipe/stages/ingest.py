@@ -52,6 +52,9 @@ class IngestConfig(StageConfig):
     max_pixels: int | None = Field(
         None, ge=64, description="Photos with more pixels are shrunk to at most this many on loading; none = never"
     )
+    video_frames: int = Field(
+        120, ge=2, le=5000, description="Where a capture is a video or holds some: photos to take from them, at most"
+    )
     use_every: int = Field(
         1, ge=1, le=1000, description="Make the asset from every n-th photo only, by name; held-out photos stay"
     )

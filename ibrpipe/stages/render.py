@@ -18,7 +18,7 @@ from ibrpipe.io.assets import read_asset
 from ibrpipe.io.documents.frames import Frames, RenderedFrame
 from ibrpipe.io.frames import frame_entry, write_frame, write_frames
 from ibrpipe.io.paths import OWN_PATHS, CameraPath, camera_path, is_orbit, orbit, parse_orbit, read_path
-from ibrpipe.io.video import write_video
+from ibrpipe.io.videos.write import write_video
 from ibrpipe.io.views import ViewSet, read_views
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render

@@ -67,11 +67,18 @@ def test_a_folder_named_like_a_pipeline(capture: Path, tmp_path: Path, monkeypat
     assert "pipeline mesh" in result.stderr
 
 
-@pytest.mark.parametrize("wrong", ["nowhere", "file"])
-def test_a_wrong_capture_leaves_no_run_folder(tmp_path: Path, wrong: str) -> None:
+@pytest.mark.parametrize(
+    ("wrong", "line"),
+    [
+        ("nowhere", "there is no capture folder {}; give the right one with --capture"),
+        ("file", "{}: is neither a capture folder nor a video; give one of them"),
+        ("film.mp4", "there is no capture folder {}; give the right one with --capture"),
+    ],
+)
+def test_a_wrong_capture_leaves_no_run_folder(tmp_path: Path, wrong: str, line: str) -> None:
     (tmp_path / "file").write_text("x")
     out = tmp_path / "out"
     result = CliRunner().invoke(cli, ["run", "mesh", "--capture", str(tmp_path / wrong), "--out", str(out)])
     assert result.exit_code == 1
-    assert f"there is no capture folder {tmp_path / wrong}; give the right one with --capture" in result.stderr
+    assert line.format(tmp_path / wrong) in result.stderr
     assert not out.exists()

@@ -1,0 +1,1 @@
+"""Video files: their frames in, pictures out."""
