@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ibrpipe.renderers.composite import composite
     from ibrpipe.renderers.hierarchical.prerendering import prerender
     from ibrpipe.renderers.orbits import orbit
+    from ibrpipe.stages.whole_run import FinishedRun, run
     from ibrpipe.types import (
         Asset,
         Camera,
@@ -42,6 +43,7 @@ _HOME = {
     "Asset": "types",
     "Camera": "types",
     "DepthImage": "types",
+    "FinishedRun": "stages.whole_run",
     "Frame": "types",
     "Instances": "types",
     "LayeredDepthImage": "types",
@@ -70,6 +72,7 @@ _HOME = {
     "read_scene": "io.scenes",
     "read_textures": "io.assets",
     "render": "renderers.api",
+    "run": "stages.whole_run",
     "write_asset": "io.assets",
     "write_scene": "io.scenes",
 }
@@ -78,6 +81,7 @@ __all__ = [
     "Asset",
     "Camera",
     "DepthImage",
+    "FinishedRun",
     "Frame",
     "IbrError",
     "Instances",
@@ -110,6 +114,7 @@ __all__ = [
     "read_textures",
     "render",
     "renderers",
+    "run",
     "write_asset",
     "write_scene",
 ]

@@ -13,15 +13,19 @@ import time
 from pathlib import Path
 
 import pytest
+import yaml
 from click.testing import CliRunner, Result
 
+import ibrpipe
 from ibrpipe.cli.main import cli
 from ibrpipe.cli.schema import models
 from ibrpipe.evaluation.metrics import read_metrics
+from ibrpipe.io.manifest import read_manifest
 from ibrpipe.stages.registry import load_stages, registered
 
 FAST = ["plan.samples=2000", "plan.residuals=always", "plan.k=0.125", "render.repeats=1", "evaluate.timing_width=64"]
 FAST += ["evaluate.timing_repeats=1", "evaluate.timing_views=1", "evaluate.report_views=1"]
+CHANGES = dict(change.split("=") for change in FAST)
 SETTINGS = [word for change in FAST for word in ("--set", change)]
 
 
@@ -104,6 +108,18 @@ def test_second_run_skips_all_and_is_quick(copy: Path) -> None:
     assert started(result) == []
     changed = [path.name for path, stamp in before.items() if path.stat().st_mtime_ns != stamp]
     assert set(changed) <= {"run.json", ".hashes.json"}
+
+
+def test_the_same_run_from_python_finds_all_done(copy: Path) -> None:
+    done = ibrpipe.run(out=copy, pipeline="mesh", settings={key: yaml.safe_load(text) for key, text in CHANGES.items()})
+    assert list(done.seconds) == list(registered())
+    assert done.report == copy / "report/report.html"
+    assert done.scores == done.metrics.mean
+    assert done.scores.psnr is not None
+    assert len(done.asset.textures) > 0
+    kept = read_manifest(copy / "layers")
+    assert kept is not None
+    assert done.seconds["layers"] == kept.seconds  # of the first run: nothing was done anew
 
 
 def test_a_changed_setting_runs_only_what_depends_on_it(copy: Path) -> None:
