@@ -14,6 +14,7 @@ from ibrpipe.io.cameras.shots import PHOTO_SUFFIXES, Shot, photo_root
 from ibrpipe.io.cameras.sources import has_cameras, has_test
 from ibrpipe.io.captures import read_shots
 from ibrpipe.io.manifest import files_below
+from ibrpipe.io.photos.extra_formats import without_raw_twins
 from ibrpipe.io.photos.image_files import read_header
 from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
 from ibrpipe.io.videos.read import is_video
@@ -73,11 +74,11 @@ def _half(root: Path) -> list[PhotoEntry]:
 
 
 def photo_files(folder: Path) -> list[Path]:
-    """Return the photos below a folder by their names, masks beside them left out."""
+    """Return the photos below a folder, sorted; masks, and raw files of photos that are there, are left out."""
     if not folder.is_dir():
         return []
     found = (path for path in files_below(folder) if path.suffix.lower() in PHOTO_SUFFIXES and path.is_file())
-    return sorted(path for path in found if not path.name.endswith(".mask.png"))
+    return sorted(without_raw_twins(path for path in found if not path.name.endswith(".mask.png")))
 
 
 def _entry(photo: MaskedPhoto, mask: MaskChoice) -> PhotoEntry:

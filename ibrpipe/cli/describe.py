@@ -116,6 +116,7 @@ def _photos(path: Path) -> Facts:
     from ibrpipe.calibration.photos import photo_files, photos_of
     from ibrpipe.io.cameras.shots import photo_root
     from ibrpipe.io.photos.exif import read_exif
+    from ibrpipe.io.photos.extra_formats import RAW_SUFFIXES
     from ibrpipe.io.photos.image_files import read_header
     from ibrpipe.stages.stills import videos_of
 
@@ -130,6 +131,9 @@ def _photos(path: Path) -> Facts:
     facts |= {"focal_lengths_stated": sum(focal is not None for focal in focals)}
     facts |= {"videos": {video.name: _length(video) for video in videos}} if videos else {}
     notes = ["photos are taken from the videos by `ibrpipe run`"] if videos else []
+    twins = sum(file.suffix.lower() in RAW_SUFFIXES for file in files_below(photo_root(path)))
+    twins -= sum(Path(photo.image).suffix.lower() in RAW_SUFFIXES for photo in photos)
+    notes += [f"{twins} raw files beside photos of the same name are left out"] if twins > 0 else []
     return facts | {"notes": [*notes, "no cameras: `ibrpipe run photos` finds them from the photos"]}
 
 

@@ -27,6 +27,7 @@ from ibrpipe.io.photos.exposure import (
     gains_from_partial_exif,
     read_exposure_csv,
 )
+from ibrpipe.io.photos.extra_formats import without_raw_twins
 from ibrpipe.io.photos.image_files import ImageHeader, read_header
 from ibrpipe.io.photos.masks import MaskChoice, MaskedPhoto, find_masks
 from ibrpipe.io.surfaces.meshes import has_faces
@@ -203,7 +204,7 @@ def _unposed(root: Path, shots: tuple[Shot, ...]) -> list[str]:
         return []  # the cameras are those of photos elsewhere, such as images_4/
     found = [path for path in folder.rglob("*") if path.suffix.lower() in PHOTO_SUFFIXES and path.is_file()]
     photos = [path for path in found if not path.name.startswith(".") and not path.name.endswith(".mask.png")]
-    left = sorted(path for path in photos if path not in known)
+    left = sorted(path for path in without_raw_twins(photos) if path not in known)
     if not left:
         return []
     name = left[0].relative_to(folder).as_posix()

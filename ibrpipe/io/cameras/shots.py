@@ -9,11 +9,16 @@ from pathlib import Path
 
 from ibrpipe.errors import CaptureError, MissingFileError
 from ibrpipe.io.cameras.lenses import Lens
+from ibrpipe.io.photos.extra_formats import HEIC_SUFFIXES, RAW_SUFFIXES
 from ibrpipe.io.untrusted.inside import leads_inside
 from ibrpipe.types import Array
 
 #: Suffixes of photos, as far as names have to be told apart by them
-PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", ".webp", ".bmp", ".jp2", ".heic")
+PHOTO_SUFFIXES = (
+    *(".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", ".webp", ".bmp", ".jp2"),
+    *HEIC_SUFFIXES,
+    *RAW_SUFFIXES,
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from ibrpipe.io.photos.exif_tags import attributes_of
+from ibrpipe.io.photos.extra_formats import extra_format
 from ibrpipe.types import Array
 
 #: Diagonal of a 36 x 24 mm frame, to which "35 mm equivalent" focal lengths refer
 _FULL_FRAME = math.hypot(36.0, 24.0)
 _MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
+#: tags that are whole numbers
+_WHOLE = ("Exif:FocalPlaneResolutionUnit", "Exif:PixelXDimension", "GPS:AltitudeRef")
 #: WGS 84: equatorial radius in metres, first eccentricity squared
 _RADIUS, _ECCENTRICITY = 6378137.0, 6.69437999014e-3
 
@@ -41,18 +45,35 @@ def read_exif(path: Path) -> Exif:
     """Read lens and GPS position from a photo's tags; what is missing or nonsense is left out."""
     import OpenImageIO as oiio
 
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        oiio.geterror()  # else it is told when the process ends
-        return Exif()
-    spec = source.spec()
-    source.close()
+    extra = extra_format(path)
+    if extra is not None:
+        header = extra.header(path)
+        spec = oiio.ImageSpec(header.width, header.height, 3, oiio.UINT8)
+        for name, value in attributes_of(extra.tags(path)).items():
+            _put(spec, name, value)
+    else:
+        source = oiio.ImageInput.open(str(path))
+        if source is None:
+            oiio.geterror()  # else it is told when the process ends
+            return Exif()
+        spec = source.spec()
+        source.close()
     words = [spec.get_string_attribute(name, "").strip() for name in ("Make", "Model")]
     millimetres = _number(spec, "Exif:FocalLength")
     equivalent = _number(spec, "Exif:FocalLengthIn35mmFilm")
     stated = [*words, f"{millimetres:g}" if millimetres else "", f"{equivalent:g}" if equivalent else ""]
     lens = " ".join(word for word in stated if word)
     return Exif(_focal_pixels(spec, millimetres, equivalent), lens, _gps(spec))
+
+
+def _put(spec: Any, name: str, value: Any) -> None:
+    """Set an attribute under the type that OpenImageIO itself reads it as."""
+    if isinstance(value, tuple):
+        spec.attribute(name, f"float[{len(value)}]", value)
+    elif name in _WHOLE:
+        spec.attribute(name, int(value))
+    else:
+        spec.attribute(name, value)
 
 
 def local_metres(positions: Array) -> Array:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,8 @@ import numpy as np
 
 from ibrpipe.errors import FormatError, MissingFileError
 from ibrpipe.io.photos.channel_names import best_part, plain_names
+from ibrpipe.io.photos.extra_formats import extra_format
+from ibrpipe.io.photos.image_header import ImageHeader as ImageHeader
 from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.picture_files import LINEAR, SRGB, one_line
 from ibrpipe.types import Array
@@ -34,47 +34,6 @@ _TURNS = {
 }
 
 
-@dataclass(frozen=True)
-class ImageHeader:
-    """What an image file says of itself before its pixels are read.
-
-    Attributes
-    ----------
-    width, height : int
-        Size as stored, before any orientation tag is obeyed.
-    channels : tuple of str
-    integer : bool
-        True for 8- and 16-bit files.
-    orientation : int
-        EXIF orientation 1..8; 1 = as stored.
-    color_space : str
-        Name of the space its colours are in, declared or implied.
-    profile : bytes or None
-        ICC profile, where `color_space` does not say the same.
-    metadata : mapping
-        EXIF figures: ``ExposureTime``, ``FNumber``, ``Exif:PhotographicSensitivity``, where present.
-    """
-
-    width: int
-    height: int
-    channels: tuple[str, ...]
-    integer: bool
-    orientation: int
-    color_space: str
-    metadata: Mapping[str, float] = field(default_factory=dict)
-    profile: bytes | None = None
-
-    @property
-    def upright_size(self) -> tuple[int, int]:
-        """(width, height) after the orientation tag is obeyed."""
-        return (self.height, self.width) if self.orientation >= 5 else (self.width, self.height)
-
-    @property
-    def has_alpha(self) -> bool:
-        """Whether a channel named A exists."""
-        return "A" in self.channels
-
-
 @reader("export it again")
 def read_header(path: Path) -> ImageHeader:
     """Read size, channels, orientation, colour space and exposure figures of an image file.
@@ -82,8 +41,14 @@ def read_header(path: Path) -> ImageHeader:
     Raises
     ------
     MissingFileError, FormatError
-        The file does not exist, or is no image that OpenImageIO reads.
+        The file does not exist, or is no image that can be read.
+    ResourceError
+        It takes a package that is not installed.
     """
+    extra = extra_format(path)
+    if extra is not None:
+        _check_name(path)
+        return extra.header(path)
     source = _open(path)
     _seek_part(source, "R")
     header = _header(path, source.spec())
@@ -94,6 +59,10 @@ def read_header(path: Path) -> ImageHeader:
 @reader("export it again")
 def read_stored(path: Path, wanted: str = "R") -> tuple[Array, ImageHeader]:
     """Read all channels as stored, on the display window, (H, W, C); of several parts the one with a wanted channel."""
+    extra = extra_format(path)
+    if extra is not None:
+        _check_name(path)
+        return extra.stored(path)
     source = _open(path)
     _seek_part(source, wanted)
     spec = source.spec()
