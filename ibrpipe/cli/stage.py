@@ -43,7 +43,7 @@ def stage_command(stage: Stage, stages: Sequence[Stage] | None = None) -> click.
     def callback(**values: Any) -> None:
         ctx = click.get_current_context()
         config = stage_config(stage, given(ctx, lambda name: name in stage.config.model_fields))
-        manifest = _run(stage, everyone, config, values)
+        manifest = run_stage(stage, everyone, config, values, values["out"] / stage.folder)
         if values["as_json"]:
             click.echo(json.dumps(manifest.model_dump(mode="json"), indent=2))
 
@@ -75,12 +75,13 @@ def stage_config(stage: Stage, values: dict[str, Any]) -> Any:
         raise click.UsageError(str(error)) from error
 
 
-def _run(stage: Stage, stages: Sequence[Stage], config: Any, values: dict[str, Any]) -> Manifest:
+def run_stage(stage: Stage, stages: Sequence[Stage], config: Any, values: dict[str, Any], target: Path) -> Manifest:
+    """Run one of `stages` on what was given on the command line; it fills the folder `target`."""
     out: Path = values["out"]
     places = {**paths_below(out, sources(stage, stages)), "run": out}
     fields = {name: _input(stage, name, required, values, places) for name, required in input_fields(stage).items()}
     fields = {name: value for name, value in fields.items() if value is not None}
-    job = Job(stage, fields, config, out / stage.folder, upstream_keys(stage, stages, out))
+    job = Job(stage, fields, config, target, upstream_keys(stage, stages, out))
     with executor(values["workers"], values["dask"]), display() as shown, only_run(out):
         return run_job(job, Hasher(), force=True, report=lambda event: shown.say(told(event)))
 

@@ -85,19 +85,39 @@ def only_run(folder: Path) -> Iterator[None]:
     ResourceError
         Another process works in it, or it can be no folder.
     """
-    with _can_be_made(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    path = folder / ".lock"
-    handle = _held(path)
-    while not _is_at(handle, path):  # its last holder removed it between our opening and locking it
-        handle.close()
+    with made_folder(folder):
+        path = folder / ".lock"
         handle = _held(path)
+        while not _is_at(handle, path):  # its last holder removed it between our opening and locking it
+            handle.close()
+            handle = _held(path)
+        try:
+            yield
+        finally:
+            with suppress(PermissionError):  # Windows keeps files that are open
+                path.unlink()
+            handle.close()
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """Make a folder for the block; where the block fails, folders that were made for it and are empty vanish again.
+
+    Raises
+    ------
+    ResourceError
+        It can be no folder.
+    """
+    with _can_be_made(folder):
+        missing = [each for each in (folder, *folder.parents) if not each.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
     try:
         yield
-    finally:
-        with suppress(PermissionError):  # Windows keeps files that are open
-            path.unlink()
-        handle.close()
+    except BaseException:
+        for each in missing:
+            with suppress(OSError):
+                each.rmdir()
+        raise
 
 
 def _held(path: Path) -> IO[str]:

@@ -10,6 +10,7 @@ A path is written as one text:
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -18,12 +19,15 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.errors import ConfigError, MissingFileError
+from ibrpipe.io.manifest import digest
 from ibrpipe.io.views import ViewSet
 from ibrpipe.types import Array, Asset, Camera
 
 #: A camera path: file-name stem and camera of every frame, in order
 CameraPath = tuple[tuple[str, Camera], ...]
 
+#: Letters of a camera path that the folder of its frames is called by; longer ones end in a hash
+_LONGEST_NAME = 80
 #: Paths that are views of the capture itself
 OWN_PATHS = ("test", "train", "all")
 _KINDS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "str": str}
@@ -73,6 +77,24 @@ class OrbitSpec:
         for name, valid, expected in checks:
             if not valid:
                 raise ConfigError(f"orbit: {name} is {getattr(self, name)}; expected {expected}")
+
+
+def frames_folder(usual: str, path: str, path_of_run: str) -> str:
+    """Return the name of the folder for the frames of a camera path.
+
+    Parameters
+    ----------
+    usual : str
+        Folder of the frames of the run's own path.
+    path, path_of_run : str
+        The path that is asked for, and the run's own.
+    """
+    if path == path_of_run:
+        return usual
+    name = re.sub(r"[^\w.,=-]+", "-", path).strip("-.")
+    if len(name) > _LONGEST_NAME:
+        name = f"{name[:_LONGEST_NAME]}-{digest(path)[:8]}"
+    return f"{usual}-{name}"
 
 
 def is_orbit(text: str) -> bool:

@@ -28,6 +28,8 @@ from ibrpipe.types import Array, Asset, Camera, Part, Scene
 from ibrpipe.types.prerendered import PrerenderedScene
 from ibrpipe.types.relief_mesh import ReliefMesh
 
+#: what the command line tells when the stage is done
+SUMMARY = "summary.txt"
 Output = Literal["color", "depth", "alpha"]
 
 
@@ -60,7 +62,7 @@ class RenderConfig(StageConfig):
         default="adaptive", description="Rays of a pixel; adaptive = one, and several where a pixel shows an edge"
     )
     repeats: int = Field(default=3, ge=1, le=1000, description="Times every frame is rendered; the median time counts")
-    video: bool = Field(default=False, description="Also write the frames as MP4 (VP9)")
+    video: bool = Field(default=False, description="Also write the frames as MP4: H.264 with the extra av, else VP9")
     fps: float = Field(default=24.0, gt=0, le=1000, description="Frames per second of the video")
 
     @field_validator("path")
@@ -121,7 +123,8 @@ def run(inputs: Inputs, config: RenderConfig) -> Outputs:
     outputs = _render_with_all(asset, path, inputs.out, config)
     if config.path == "test" and views.train and not views.test:
         text = f"no photo is held out: the frames show {len(path)} of the {len(views.train)} photos' own views"
-        (inputs.out / "summary.txt").write_text(text + "\n", encoding="utf-8")
+        with (inputs.out / SUMMARY).open("a", encoding="utf-8") as summary:
+            summary.write(text + "\n")
     return outputs
 
 
@@ -157,6 +160,7 @@ def _render_with_all(
     path = tuple((name, _sized(camera, config.width, config.height)) for name, camera in path)
     frames: list[RenderedFrame] = []
     videos: dict[str, str] = {}
+    told: list[str] = []
     for renderer in config.renderers:
         choice = choose(renderer)
         folder = out / choice.folder
@@ -165,12 +169,14 @@ def _render_with_all(
         if config.video and "color" in config.outputs:
             videos[renderer] = f"{choice.folder}/{choice.folder}.mp4"
             pictures = [out / frame.png for frame in frames if frame.renderer == renderer and frame.png]
-            write_video(out / videos[renderer], pictures, config.fps)
+            told.append(write_video(out / videos[renderer], pictures, config.fps))
     outputs = Outputs.below(out)
     document = Frames(
         path=config.path, renderers=list(config.renderers), samples=config.samples, videos=videos, frames=frames
     )
     write_frames(outputs.frames_document, document)
+    if any(told):
+        (out / SUMMARY).write_text("\n".join(filter(None, told)) + "\n", encoding="utf-8")
     return outputs
 
 

@@ -46,9 +46,11 @@ def test_images_become_an_asset_that_is_rendered_without_a_capture(tmp_path):
     done = call("render", "--asset", tmp_path / "a", "--renderers", "prewarp", "--path", orbit, "--out",
                 tmp_path / "run")  # fmt: skip
     assert done.exit_code == 0
-    frames = json.loads((tmp_path / "run/render/frames.json").read_text())["frames"]
+    folder = tmp_path / "run/render-orbit-frames=2,width=40,height=30"
+    assert f"{folder / 'prewarp'}: 2 frames of prewarp" in done.stdout
+    frames = json.loads((folder / "frames.json").read_text())["frames"]
     assert len(frames) == 2
-    assert (tmp_path / "run/render" / frames[0]["png"]).is_file()
+    assert (folder / frames[0]["png"]).is_file()
 
 
 def test_mesh_box_and_asset(tmp_path, cube):

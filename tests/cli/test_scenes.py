@@ -94,11 +94,12 @@ def test_a_scene_is_prerendered_and_rendered_along_an_orbit(tmp_path):
     path = ("--path", "orbit:frames=2,width=48,height=36", "--repeats", 1)
     shown = call("render", "--scene", tmp_path / "scene", "--slices", tmp_path / "slices", *path, "--out", tmp_path)
     assert shown.exit_code == 0, shown.output
-    assert "2 frames of hierarchical" in shown.stdout
-    frames = json.loads((tmp_path / "render" / "frames.json").read_text())
+    folder = tmp_path / "render-orbit-frames=2,width=48,height=36"
+    assert f"{folder / 'hierarchical'}: 2 frames of hierarchical" in shown.stdout
+    frames = json.loads((folder / "frames.json").read_text())
     assert [frame["width"] for frame in frames["frames"]] == [48, 48]
     assert (frames["samples"], frames["path"]) == (1, path[1])
-    pixels = read_image(tmp_path / "render" / frames["frames"][0]["file"])
+    pixels = read_image(folder / frames["frames"][0]["file"])
     assert 0.03 < pixels[..., 3].mean() < 0.3
 
 

@@ -111,7 +111,7 @@ def test_the_command_line_knows_it_by_its_entry_point(tmp_path, source):
     ]
     done = run(tmp_path, *words)
     assert done.returncode == 0, done.stderr
-    document = json.loads((tmp_path / "o/render/frames.json").read_text())
+    document = json.loads((tmp_path / "o/render-orbit-frames=1,width=32,height=24,up=y/frames.json").read_text())
     assert [frame["renderer"] for frame in document["frames"]] == ["points:brightness=2"]
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 from ibrpipe.cli.main import cli
 from ibrpipe.errors import ConfigError, IbrError
 from ibrpipe.io.assets import write_asset
+from ibrpipe.io.paths import frames_folder
 from ibrpipe.io.photos.images import read_depth, read_image
 from ibrpipe.io.views import View, ViewSet, write_views
 from ibrpipe.renderers.renderer_spec import choose
@@ -153,6 +155,30 @@ def test_the_video_holds_every_frame(inputs: Inputs) -> None:
     assert np.abs(pictures[1].astype(int) - still).mean() < 6
 
 
+def test_every_path_has_its_own_folder_and_the_command_says_which(inputs: Inputs, tmp_path: Path) -> None:
+    words = ["render", "--asset", inputs.asset, "--views", inputs.views, "--out", tmp_path / "run", "--repeats", "1"]
+
+    def call(*more: str) -> Result:
+        return CliRunner().invoke(cli, [str(word) for word in (*words, *more)])
+
+    first, second = call(), call("--path", "orbit:frames=2,width=16,height=12", "--video")
+    assert (first.exit_code, second.exit_code) == (0, 0), second.output
+    orbit = tmp_path / "run/render-orbit-frames=2,width=16,height=12"
+    assert f"{tmp_path / 'run/render/ldi'}: 1 frames of ldi" in first.stdout
+    assert f"{orbit / 'ldi'}: 2 frames of ldi" in second.stdout
+    assert f"video: {orbit / 'ldi/ldi.mp4'}" in second.stdout
+    assert (tmp_path / "run/render/ldi/held.exr").is_file()
+    assert (orbit / "ldi/ldi.mp4").is_file()
+
+
+def test_the_path_of_a_run_keeps_its_folder() -> None:
+    assert frames_folder("render", "orbit:frames=9", "orbit:frames=9") == "render"
+    assert frames_folder("render", "../other run/sparse/0", "test") == "render-other-run-sparse-0"
+    long = [frames_folder("render", f"{'a' * 300}{end}", "test") for end in "bc"]
+    assert len({*long}) == 2
+    assert max(map(len, long)) < 100
+
+
 def test_without_held_out_views_some_of_the_photos_are_rendered_and_that_is_told(
     inputs: Inputs, tmp_path: Path
 ) -> None:
@@ -162,6 +188,14 @@ def test_without_held_out_views_some_of_the_photos_are_rendered_and_that_is_told
     listed = json.loads(made.frames_document.read_text(encoding="utf-8"))["frames"]
     assert [frame["view"] for frame in listed] == [f"p{k:02d}" for k in (1, 3, 6, 8, 11, 13, 16, 18)]
     assert "no photo is held out: the frames show 8 of the 20" in (made.frames / "summary.txt").read_text()
+
+
+def test_a_video_that_not_every_phone_plays_is_told(inputs: Inputs, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    listed = frames_of(inputs, video=True, repeats=1)
+    assert (inputs.out / listed["videos"]["ldi"]).stat().st_size > 0
+    told = (inputs.out / "summary.txt").read_text()
+    assert told.endswith("which not every phone plays; for H.264 type: pip install 'ibrpipe[av]'\n")
 
 
 def test_a_path_without_any_camera_is_told(inputs: Inputs) -> None:
