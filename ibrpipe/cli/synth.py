@@ -15,6 +15,7 @@ from ibrpipe.cli.options import PATH, config_options, example, given, json_optio
 from ibrpipe.cli.show import Display, display
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.event_words import size, told
+from ibrpipe.engine.run_folder import made_folder
 from ibrpipe.engine.runner import Job, run_job
 from ibrpipe.engine.stage import Stage, StageOutputs
 from ibrpipe.errors import ConfigError
@@ -85,7 +86,7 @@ def _config(ctx: click.Context, scene: str, model: type[Config], own: Collection
 
 def _write_instanced(ctx: click.Context, name: str, out: Path, as_json: bool) -> None:
     config = _config(ctx, name, InstancedConfig, settings_of(name))
-    with display() as shown:
+    with display() as shown, made_folder(out):
         shown.say(f"making {name}")
         scene = make_instanced(name, config)
         write_scene(scene, out)

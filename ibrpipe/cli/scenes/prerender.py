@@ -10,6 +10,7 @@ import click
 from ibrpipe.cli.options import PATH, example, json_option
 from ibrpipe.cli.show import display
 from ibrpipe.engine.event_words import size
+from ibrpipe.engine.run_folder import made_folder
 
 
 @click.command(
@@ -42,7 +43,7 @@ def command(scene: Path, out: Path, directions: int, slab_texels: float, rays: i
     from ibrpipe.renderers.hierarchical.prefiltering import Slicing
     from ibrpipe.renderers.hierarchical.prerendering import prerender
 
-    with display() as shown:
+    with display() as shown, made_folder(out):
         shown.say(f"reading {scene}")
         whole = read_scene(scene)
         shown.say("slicing parts")
