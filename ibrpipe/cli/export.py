@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from ibrpipe.cli.completion import export_forms, export_settings
 from ibrpipe.cli.options import PATH, example
 from ibrpipe.cli.show import display
 from ibrpipe.config import StageConfig
@@ -28,10 +29,21 @@ from ibrpipe.io.yaml_settings import Settings, validated, value_of
 @click.argument("source", metavar="RUN|ASSET|CAPTURE|SCENE", type=PATH)
 @click.argument("target", metavar="TARGET", type=PATH)
 @click.option(
-    "--format", "form", metavar="NAME", help=f"{', '.join(known_exporters())}; by itself where TARGET's ending says it."
+    "--format",
+    "form",
+    metavar="NAME",
+    help=f"{', '.join(known_exporters())}; by itself where TARGET's ending says it.",
+    shell_complete=export_forms,
 )
 @click.option("--notes", metavar="FILE", type=PATH, help="page: YAML file with title, credit, licence, annotations.")
-@click.option("--set", "changes", multiple=True, metavar="KEY=VALUE", help="A setting of the form; may be repeated.")
+@click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="A setting of the form; may be repeated.",
+    shell_complete=export_settings,
+)
 def command(source: Path, target: Path, form: str | None, notes: Path | None, changes: tuple[str, ...]) -> None:
     """Write the asset of a run folder, an asset folder, a capture, or a scene to TARGET in another form.
 

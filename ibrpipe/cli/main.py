@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 import click
+from click.shell_completion import CompletionItem
 
 from ibrpipe.cli.boundary import one_line
 from ibrpipe.interruption import ask_to_stop, stop_if_asked
@@ -37,7 +38,7 @@ TOOLS: Section = {
         "ibrpipe.cli.scenes.prerender:command",
         "Make images of a scene's parts, for the renderer hierarchical.",
     ),
-    "relief": ("ibrpipe.cli.relief:command", "Make relief textures; map reliefs onto meshes."),
+    "relief": ("ibrpipe.cli.relief.group:command", "Make relief textures; map reliefs onto meshes."),
     "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of files on disk and of renderers' options."),
     "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth, or a scene of many copies."),
     "view": ("ibrpipe.cli.view:command", "Show an asset in the browser, from all sides."),
@@ -67,6 +68,12 @@ class LazyGroup(click.Group):
                 command: click.Command = getattr(import_module(module), attribute)
                 return command
         return None
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete the names of commands without importing them, then the options of the group."""
+        names = {name: summary for section in sections().values() for name, (_, summary) in section.items()}
+        found = [CompletionItem(name, help=text) for name, text in names.items() if name.startswith(incomplete)]
+        return found + click.Command.shell_complete(self, ctx, incomplete)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -12,6 +12,7 @@ import yaml
 from click.core import ParameterSource
 from pydantic.fields import FieldInfo
 
+from ibrpipe.cli.completion import OF_FIELDS
 from ibrpipe.config import StageConfig
 from ibrpipe.errors import ConfigError
 from ibrpipe.io.yaml_settings import value_of
@@ -72,7 +73,15 @@ def _option(name: str, field: FieldInfo) -> click.Option:
     shown: bool | str = default is not None and default != ()
     if isinstance(kind, YamlValue) and shown:
         default, shown = None, yaml.safe_dump(_plain(default), default_flow_style=True).splitlines()[0]
-    return click.Option([flag, name], type=kind, multiple=several, default=default, show_default=shown, help=help_text)
+    return click.Option(
+        [flag, name],
+        type=kind,
+        multiple=several,
+        default=default,
+        show_default=shown,
+        help=help_text,
+        shell_complete=OF_FIELDS.get(name),
+    )
 
 
 def _without_none(annotation: Any) -> tuple[Any, bool]:

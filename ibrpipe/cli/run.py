@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from ibrpipe.cli.completion import pipeline_settings, pipelines_or_files
 from ibrpipe.cli.options import dask_option, example, json_option, workers_option
 from ibrpipe.cli.show import display
 from ibrpipe.engine.artifacts import products
@@ -35,10 +36,17 @@ _PATH = click.Path(path_type=Path)
         "ibrpipe run mesh --out out --from residuals --set residuals.k=0.0625",
     ),
 )
-@click.argument("what", metavar="CAPTURE|PIPELINE")
+@click.argument("what", metavar="CAPTURE|PIPELINE", shell_complete=pipelines_or_files)
 @click.option("--capture", type=_PATH, metavar="DIR", help="Capture folder; needed the first time.")
 @click.option("--out", type=_PATH, metavar="DIR", default="out", show_default=True, help="Run folder.")
-@click.option("--set", "changes", multiple=True, metavar="STAGE.KEY=VALUE", help="Replace a setting; may be repeated.")
+@click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="STAGE.KEY=VALUE",
+    help="Replace a setting; may be repeated.",
+    shell_complete=pipeline_settings,
+)
 @click.option(
     "--from", "first", type=click.Choice(list(registered())), help="Begin here; earlier results are taken as they are."
 )

@@ -9,6 +9,7 @@ from typing import Any
 import click
 from pydantic import BaseModel
 
+from ibrpipe.cli.completion import schemas
 from ibrpipe.cli.options import PATH, example
 from ibrpipe.errors import MissingFileError
 
@@ -63,7 +64,7 @@ def schema_text(name: str, model: type[BaseModel]) -> str:
 
 
 @click.command(name="schema", epilog=example("ibrpipe schema pipeline", "ibrpipe schema --out data_specs"))
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=schemas)
 @click.option("--out", type=PATH, metavar="DIR", help="Write NAME.schema.json files into this folder.")
 def command(name: str | None, out: Path | None) -> None:
     """Print the JSON Schema NAME, or write all of them to a folder; without either, list their names."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from ibrpipe.cli import completion
 from ibrpipe.cli.bench.antialiasing import command as antialiasing_command
 from ibrpipe.cli.bench.forest import command as forest_command
 from ibrpipe.cli.figures import facts_table, print_table
@@ -41,7 +42,11 @@ command.add_command(antialiasing_command)
 )
 @click.option("--out", type=PATH, metavar="DIR", default="bench", show_default=True, help="Folder to write.")
 @click.option(
-    "--renderers", multiple=True, metavar="NAME", help="A renderer or one of its settings; may be given several times."
+    "--renderers",
+    multiple=True,
+    metavar="NAME",
+    help="A renderer or one of its settings; may be given several times.",
+    shell_complete=completion.renderers,
 )
 @click.option(
     "--cases", multiple=True, metavar="PATTERN", help="Names of cases with * and ?, or the number of a group (1 to 9)."
@@ -86,7 +91,11 @@ hard_cases.params.append(json_option)
 )
 @click.option("--out", type=PATH, metavar="DIR", default="bench", show_default=True, help="Folder to write.")
 @click.option(
-    "--renderers", multiple=True, metavar="NAME", help="A renderer or one of its settings; may be given several times."
+    "--renderers",
+    multiple=True,
+    metavar="NAME",
+    help="A renderer or one of its settings; may be given several times.",
+    shell_complete=completion.renderers,
 )
 @click.option("--mesh", type=PATH, metavar="PATH", help="A further object: PLY, OBJ, GLB/glTF or STL.")
 @click.option("--quick", is_flag=True, help="Small sizes and few repeats: under a minute.")

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ibrpipe.cli.options import PATH, example
-from ibrpipe.cli.relief_meshes import dual, mesh_map
+from ibrpipe.cli.relief.meshes import dual, mesh_map
 from ibrpipe.errors import ConfigError, IbrError, MissingFileError
 from ibrpipe.io.untrusted.boundary import utf8_text
 from ibrpipe.io.yaml_settings import value_of

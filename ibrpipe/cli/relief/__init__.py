@@ -1,0 +1,1 @@
+"""``ibrpipe relief``: relief textures, and reliefs mapped onto meshes."""
