@@ -38,11 +38,11 @@ def measure_photo(view: View, colour: Array, mask: Array) -> tuple[float, float,
     covered = float(inside.mean())
     if not inside.any():
         return 0.0, 0.0, 0.0, 0.0
-    stored = colour[inside] / np.float32(view.gain)
+    stored = colour[inside] / view.factors
     integer = read_header(view.image).integer
     clipped = float((stored.max(axis=1) >= CLIPPED).mean()) if integer else 0.0
     black = float((stored.max(axis=1) <= BLACK).mean())
-    grey = np.ascontiguousarray(srgb_encode(luminance(colour / np.float32(view.gain))))
+    grey = np.ascontiguousarray(srgb_encode(luminance(colour / view.factors)))
     inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0
     inner = inner if inner.any() else inside
     return relative_sharpness(grey, inner), clipped, black, covered

@@ -13,7 +13,7 @@ from ibrpipe.errors import CaptureError, FormatError, MissingFileError
 from ibrpipe.io.cameras.lenses import Lens, pinhole_lens, project
 from ibrpipe.io.photos.images import read_image
 from ibrpipe.io.points import SparsePoints, read_points
-from ibrpipe.io.views import IN_RUN, View, ViewSet, read_views
+from ibrpipe.io.views import View, ViewSet, read_views, views_in_run
 from ibrpipe.progress import track
 from ibrpipe.types import Array
 
@@ -48,10 +48,11 @@ def read_run_cameras(run: Path) -> RunCameras:
     MissingFileError, FormatError
         The folder is no run with ingested photos, or a file in it is damaged.
     """
-    if not (run / IN_RUN).is_file():
-        raise MissingFileError(f"{run}: holds no {IN_RUN}; give the folder of a run, whose cameras are to be exported")
+    views = views_in_run(run)
+    if views is None:
+        raise MissingFileError(f"{run}: holds no ingest/views.json; give the folder of a run, to export its cameras")
     points = run / POINTS
-    return RunCameras(read_views(run / IN_RUN), read_points(points) if points.is_file() else None)
+    return RunCameras(read_views(views), read_points(points) if points.is_file() else None)
 
 
 def photo_lens(view: View) -> Lens:

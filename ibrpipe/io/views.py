@@ -22,8 +22,9 @@ from ibrpipe.io.photos.threshold_masks import threshold_mask
 from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array, Camera
 
-#: the file in a run's folder
-IN_RUN = "ingest/views.json"
+#: the file in a run's folder as ingest writes it; all of them, the latest first
+INGESTED = "ingest/views.json"
+IN_RUN = ("photometry/views.json", INGESTED)
 MaskRule = Literal["coverage", "nonzero"]
 #: how many training photos are shown where none is held out
 STAND_INS = 8
@@ -51,6 +52,8 @@ class View:
         Without a mask: what is brighter than this (display code, 0..1) is the object.
     gain : float
         Linear factor that undoes the photo's exposure.
+    white_balance : (float, float, float)
+        Linear factors of red, green and blue beside it.
     color_space : str or None
         None: what the file declares.
     distortion : Lens or None
@@ -73,6 +76,7 @@ class View:
     mask_rule: MaskRule = "coverage"
     mask_threshold: float | None = None
     gain: float = 1.0
+    white_balance: tuple[float, float, float] = (1.0, 1.0, 1.0)
     color_space: str | None = None
     distortion: Lens | None = None
     oriented: bool = False
@@ -89,6 +93,11 @@ class View:
     def masked(self) -> bool:
         """The photo comes with a mask of any kind."""
         return self.mask is not None or self.mask_from_alpha or self.mask_threshold is not None
+
+    @property
+    def factors(self) -> Array:
+        """(3,) float32: what linear red, green and blue of the file are multiplied by."""
+        return np.float32(self.gain) * np.asarray(self.white_balance, np.float32)
 
     @property
     def full_camera(self) -> Camera:
@@ -129,6 +138,11 @@ class ViewSet:
     def shown(self) -> tuple[View, ...]:
         """The held-out views; where there are none, some training photos in their stead, evenly spread."""
         return self.test or tuple(spread(self.train, STAND_INS))
+
+
+def views_in_run(run: Path) -> Path | None:
+    """Return the views file of a run folder that the last stage to change it wrote; None where there is none."""
+    return next((run / place for place in IN_RUN if (run / place).is_file()), None)
 
 
 def spread(items: Sequence[T], count: int) -> list[T]:
@@ -175,7 +189,7 @@ def load_view(view: View) -> tuple[Array, Array]:
     colour, mask = _shrunk(colour, view.camera), _shrunk(mask, view.camera)
     if not np.isfinite(colour).all():
         raise FormatError(f"{view.image}: the photo holds NaN or infinite pixels; repair it")
-    return np.maximum(colour, 0.0) * np.float32(view.gain), np.clip(mask, 0.0, 1.0)
+    return np.maximum(colour, 0.0) * view.factors, np.clip(mask, 0.0, 1.0)
 
 
 def load_depth(view: View) -> Array:
@@ -301,6 +315,7 @@ def _document_of(view: View, root: Path | None) -> documents.View:
         mask_rule=view.mask_rule,
         mask_threshold=view.mask_threshold,
         gain=view.gain,
+        white_balance=view.white_balance,
         color_space=view.color_space,
         oriented=view.oriented,
         full_size=view.full_size,
@@ -325,6 +340,7 @@ def _view_of(entry: documents.View, root: Path) -> View:
         mask_rule=entry.mask_rule,
         mask_threshold=entry.mask_threshold,
         gain=entry.gain,
+        white_balance=entry.white_balance,
         color_space=entry.color_space,
         distortion=None if lens is None else Lens(lens[0], tuple(lens[1]), lens[2], lens[3]),
         oriented=entry.oriented,

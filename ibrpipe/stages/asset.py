@@ -142,6 +142,6 @@ STAGE = Stage(
     outputs=Outputs,
     config=AssetConfig,
     run=run,
-    example="ibrpipe asset --views out/ingest/views.json --plan out/plan/plan.json --layers out/layers "
+    example="ibrpipe asset --views out/photometry/views.json --plan out/plan/plan.json --layers out/layers "
     "--residuals out/residuals --out out",
 )

@@ -146,8 +146,18 @@ def _from_photos(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> dict
 
 def _key(views: ViewSet, inputs: Inputs, config: GeometryConfig) -> str:
     """Name what the depth maps depend on."""
-    photos = [(view.name, str(view.image), view.image.stat().st_mtime_ns, view.camera.K.tolist(),
-               view.camera.cam_from_world.tolist(), view.camera.width, view.gain) for view in views.train]  # fmt: skip
+    photos = [
+        (
+            view.name,
+            str(view.image),
+            view.image.stat().st_mtime_ns,
+            view.camera.K.tolist(),
+            view.camera.cam_from_world.tolist(),
+            view.camera.width,
+            view.factors.tolist(),
+        )
+        for view in views.train
+    ]
     sparse = None if inputs.points is None else inputs.points.stat().st_size
     return digest([photos, sparse, inputs.seed, config.use_given_depth, config.depth.model_dump(mode="json")])
 

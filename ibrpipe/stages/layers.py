@@ -75,6 +75,6 @@ STAGE = Stage(
     outputs=Outputs,
     config=LayersConfig,
     run=run,
-    example="ibrpipe layers --views out/ingest/views.json --mesh out/geometry/mesh.ply --plan out/plan/plan.json "
+    example="ibrpipe layers --views out/photometry/views.json --mesh out/geometry/mesh.ply --plan out/plan/plan.json "
     "--out out",
 )

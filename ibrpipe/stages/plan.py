@@ -67,5 +67,5 @@ STAGE = Stage(
     outputs=Outputs,
     config=PlanConfig,
     run=run,
-    example="ibrpipe plan --views out/ingest/views.json --mesh out/geometry/mesh.ply --out out",
+    example="ibrpipe plan --views out/photometry/views.json --mesh out/geometry/mesh.ply --out out",
 )

@@ -147,6 +147,7 @@ def load_stages() -> tuple[Stage, ...]:
 register("calibrate", "ibrpipe.stages.calibrate:STAGE", "Find the cameras of photos that come without.")
 register("ingest", "ibrpipe.stages.ingest:STAGE", "Read and check a capture folder.")
 register("geometry", "ibrpipe.stages.geometry:STAGE", "Take the given mesh, or make one from the photos.")
+register("photometry", "ibrpipe.stages.photometry:STAGE", "Bring photos to one exposure, where theirs differ.")
 register("plan", "ibrpipe.stages.plan:STAGE", "Decide what to model, at which resolution, and why.")
 register("layers", "ibrpipe.stages.layers:STAGE", "Make layered depth images with diffuse colour.")
 register("residuals", "ibrpipe.stages.residuals:STAGE", "Model what changes with the view direction.")

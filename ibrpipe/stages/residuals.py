@@ -64,6 +64,6 @@ STAGE = Stage(
     outputs=Outputs,
     config=ResidualsConfig,
     run=run,
-    example="ibrpipe residuals --views out/ingest/views.json --mesh out/geometry/mesh.ply --plan out/plan/plan.json "
-    "--layers out/layers --out out",
+    example="ibrpipe residuals --views out/photometry/views.json --mesh out/geometry/mesh.ply "
+    "--plan out/plan/plan.json --layers out/layers --out out",
 )

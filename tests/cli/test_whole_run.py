@@ -139,7 +139,7 @@ def test_single_stage_writes_the_same_as_the_run(finished: Path, copy: Path) -> 
 def test_no_byte_depends_on_the_number_of_workers(finished: Path, tmp_path: Path, tiny_glossy: Path) -> None:
     result = run(tmp_path / "one", "--capture", tiny_glossy, "--workers", 1, "--until", "compress")
     assert result.exit_code == 0, result.output
-    for stage in ("calibrate", "ingest", "geometry", "plan", "layers", "residuals", "assembled", "asset"):
+    for stage in ("calibrate", "ingest", "geometry", "photometry", "plan", "layers", "residuals", "assembled", "asset"):
         assert digests(tmp_path / "one" / stage) == digests(finished / stage), stage
 
 

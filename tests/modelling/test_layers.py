@@ -241,5 +241,5 @@ def test_display_codes_below_one_and_light_above():
 def test_the_stage_is_wired():
     from ibrpipe.stages.layers import STAGE
 
-    assert (STAGE.name, needs(STAGE, load_stages())) == ("layers", ("ingest", "geometry", "plan"))
+    assert (STAGE.name, needs(STAGE, load_stages())) == ("layers", ("geometry", "photometry", "plan"))
     assert plan_stage.STAGE.name == "plan"

@@ -88,7 +88,7 @@ def test_a_missing_part_is_named(made, tmp_path, name):
 
 def test_the_stage_is_wired():
     assert asset.STAGE.name == "asset"
-    assert needs(asset.STAGE, load_stages()) == ("ingest", "geometry", "plan", "layers", "residuals")
+    assert needs(asset.STAGE, load_stages()) == ("geometry", "photometry", "plan", "layers", "residuals")
 
 
 def test_a_background_is_a_texture_behind_the_rest(made, measured, tmp_path):

@@ -17,12 +17,12 @@ from ibrpipe.io.manifest import RUN_NAME
 from ibrpipe.io.points import points_of_views, read_points
 from ibrpipe.io.scenes.painted import read_painted
 from ibrpipe.io.surfaces.meshes import read_vertex_values
-from ibrpipe.io.views import IN_RUN, View, read_views
+from ibrpipe.io.views import INGESTED, View, read_views
 from ibrpipe.synthetic.instanced.pieces import joined
 from ibrpipe.types import Array, PaintedMesh
 
 #: name of the file that tells a folder of views
-VIEWS = Path(IN_RUN).name
+VIEWS = Path(INGESTED).name
 #: triangles and points of a page at most
 MOST_FACES, MOST_POINTS = 200_000, 200_000
 
@@ -66,7 +66,7 @@ def read_capture_scene(source: Path) -> CaptureScene:
     MissingFileError, FormatError
         There is nothing of the kind, or a file is damaged.
     """
-    for views in (source, source / VIEWS, source / IN_RUN):
+    for views in (source, source / VIEWS, source / INGESTED):
         if views.name == VIEWS and views.is_file():
             return _of_run(views)
     if (source / RUN_NAME).is_file():

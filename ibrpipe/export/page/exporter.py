@@ -24,7 +24,7 @@ from ibrpipe.export.page.view import Start, find_start
 from ibrpipe.export.registry import Exporter
 from ibrpipe.export.whole_file import check_file, megabytes, write_files
 from ibrpipe.io.assets import read_asset
-from ibrpipe.io.views import IN_RUN, read_views, spread
+from ibrpipe.io.views import read_views, spread, views_in_run
 from ibrpipe.renderers.api import render
 from ibrpipe.types import Array, Asset
 from ibrpipe.types.bounds import sample_positions
@@ -75,10 +75,9 @@ def page_of(source: Path, notes: Path | None = None) -> Page:
     asset = found_asset(source)
     if asset is None:
         return make_capture_page(read_capture_scene(source), words)
-    views = asset.parent / IN_RUN
-    if not views.is_file():
-        return make_page(read_asset(asset), words, name_of(asset))
-    return make_page(read_asset(asset), words, name_of(asset), views, measured_psnr(asset.parent))
+    views = views_in_run(asset.parent)
+    measured = None if views is None else measured_psnr(asset.parent)
+    return make_page(read_asset(asset), words, name_of(asset), views, measured)
 
 
 def make_page(

@@ -18,7 +18,7 @@ from ibrpipe.export.surface.placement import gltf_from_world, metres_of
 from ibrpipe.export.whole_file import check_file
 from ibrpipe.io.assets import read_asset
 from ibrpipe.io.paths import up_of
-from ibrpipe.io.views import IN_RUN, ViewSet, read_views
+from ibrpipe.io.views import ViewSet, read_views, views_in_run
 from ibrpipe.types import Array, Asset, Camera, Frame
 from ibrpipe.types.bounds import ball_around, placed_samples
 
@@ -92,8 +92,8 @@ def read_exported(folder: Path) -> Exported:
             f"{folder}: the asset holds no sample that a photo sees, so there is nothing to export; make it anew from "
             "photos that show it"
         )
-    file = folder.parent / IN_RUN
-    views = read_views(file) if file.is_file() else None
+    file = views_in_run(folder.parent)
+    views = None if file is None else read_views(file)
     units = units_of(asset)
     up = up_of([] if views is None else [view.camera for view in views.train], NEAR_AXIS)
     center, radius = _ball(asset)

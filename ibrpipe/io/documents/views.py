@@ -16,6 +16,9 @@ def _file_name(name: str) -> str:
     return name
 
 
+_Factor = Annotated[float, Field(gt=0)]
+
+
 class View(Document):
     """One photo and the pinhole camera that it is seen through."""
 
@@ -30,6 +33,9 @@ class View(Document):
         None, description="Without a mask: what is brighter (display code, 0..1) is the object; null = all counts"
     )
     gain: float = Field(gt=0, description="Linear factor that undoes the photo's exposure")
+    white_balance: tuple[_Factor, _Factor, _Factor] = Field(
+        (1.0, 1.0, 1.0), description="Linear factors of red, green and blue beside it"
+    )
     color_space: str | None = Field(description="Colour space of the photo; null = as the file declares")
     oriented: bool = Field(description="The file's orientation tag is obeyed")
     full_size: tuple[int, int] | None = Field(

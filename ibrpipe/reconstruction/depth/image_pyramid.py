@@ -60,7 +60,7 @@ _CACHE: OrderedDict[tuple[object, ...], Picture] = OrderedDict()
 def picture_of(view: View, width: int, height: int) -> Picture:
     """Return the picture of a view at a size, from the cache or prepared now."""
     status = view.image.stat()
-    key = (str(view.image), status.st_mtime_ns, status.st_size, str(view.mask), view.gain, width, height)
+    key = (str(view.image), status.st_mtime_ns, status.st_size, str(view.mask), *view.factors.tolist(), width, height)
     with _LOCK:
         if key in _CACHE:
             _CACHE.move_to_end(key)

@@ -115,4 +115,5 @@ def _described(view: View) -> list[object]:
     camera = view.camera
     numbers = [camera.K.tolist(), camera.cam_from_world.tolist(), camera.width, camera.height, view.full_size]
     lens = None if view.distortion is None else [view.distortion.model, list(view.distortion.params)]
-    return [view.name, stamps, numbers, lens, view.gain, view.mask_rule, view.mask_from_alpha, view.color_space]
+    colors = [view.factors.tolist(), view.mask_rule, view.mask_from_alpha, view.color_space]
+    return [view.name, stamps, numbers, lens, *colors]

@@ -26,9 +26,9 @@ def run(measured, tmp_path_factory: pytest.TempPathFactory) -> Path:
     from ibrpipe.stages import layers, plan
 
     folder, source = tmp_path_factory.mktemp("rate"), measured("glossy").folder
-    for name in ("ingest", "geometry", "plan", "layers"):
+    for name in ("photometry", "geometry", "plan", "layers"):
         (folder / name).mkdir()
-    (folder / "ingest/views.json").write_bytes((source / "views.json").read_bytes())
+    (folder / "photometry/views.json").write_bytes((source / "views.json").read_bytes())
     (folder / "geometry/mesh.ply").write_bytes((source / "mesh.ply").read_bytes())
     views, mesh, planned = source / "views.json", source / "mesh.ply", folder / "plan/plan.json"
     plan.run(plan.Inputs(views, mesh, 0, folder / "plan"), plan.PlanConfig(samples=2000, texel=0.12, residuals="never"))
