@@ -10,19 +10,20 @@ import pytest
 
 from ibrpipe.bench.ablation import around, as_table, main
 from ibrpipe.modelling.plan_file import read_plan
-from ibrpipe.stages import geometry, ingest, layers, plan
+from ibrpipe.stages import geometry, ingest, layers, photometry, plan
 
 
 @pytest.fixture(scope="module")
 def run_folder(tiny_ball: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Ingest, plan and layers of the glossy ball, coarse."""
     root = tmp_path_factory.mktemp("run")
-    for name in ("ingest", "geometry", "plan", "layers"):
+    for name in ("ingest", "geometry", "photometry", "plan", "layers"):
         (root / name).mkdir()
     ingest.run(ingest.Inputs(tiny_ball, root / "ingest"), ingest.IngestConfig())
     views, mesh = root / "ingest/views.json", root / "geometry/mesh.ply"
     inputs = geometry.Inputs(views, 0, root / "geometry", root / "ingest/mesh.ply")
     geometry.run(inputs, geometry.GeometryConfig())
+    photometry.run(photometry.Inputs(views, mesh, root / "photometry"), photometry.PhotometryConfig(balance="never"))
     settings = plan.PlanConfig(residuals="always", k=1 / 8, samples=2000)
     plan.run(plan.Inputs(views, mesh, 0, root / "plan"), settings)
     layers.run(layers.Inputs(views, mesh, root / "plan/plan.json", root / "layers"), layers.LayersConfig())

@@ -149,8 +149,8 @@ FAKE = Stage("fake", "A fake stage.", FakeInputs, StageOutputs, FakeConfig, fake
 @pytest.fixture
 def run_folder(tmp_path: Path) -> Path:
     (tmp_path / "capture").mkdir()
-    (tmp_path / "run/ingest").mkdir(parents=True)
-    (tmp_path / "run/ingest/views.json").write_text("{}")
+    (tmp_path / "run/photometry").mkdir(parents=True)
+    (tmp_path / "run/photometry/views.json").write_text("{}")
     return tmp_path
 
 
@@ -198,7 +198,7 @@ def test_stage_command_takes_explicit_paths(run_folder: Path) -> None:
     result = fake(run_folder, "--mesh", run_folder / "none.ply")
     assert result.exit_code == 1
     assert "none.ply does not exist" in result.stderr
-    (run_folder / "run/ingest/views.json").rename(run_folder / "other.json")
+    (run_folder / "run/photometry/views.json").rename(run_folder / "other.json")
     assert "run the earlier stages first or give --views" in fake(run_folder).stderr
     assert fake(run_folder, "--views", run_folder / "other.json").exit_code == 0
 
@@ -213,7 +213,7 @@ def test_help_shows_bounds_defaults_and_choices() -> None:
         "--loud / --no-loud",
         "[0.0, 1.0]",
         "--mesh",
-        "ingest/views.json in the run folder",
+        "photometry/views.json in the run folder",
     ):
         assert part in text
 
@@ -250,7 +250,7 @@ def test_a_failure_is_one_line_and_leaves_nothing(run_folder: Path, label: str, 
     assert result.exit_code == code
     assert result.stderr.splitlines()[-1].startswith(line)
     assert len(result.stderr.splitlines()) == 2
-    assert sorted(path.name for path in (run_folder / "run").iterdir()) == ["ingest"]
+    assert sorted(path.name for path in (run_folder / "run").iterdir()) == ["photometry"]
 
 
 def test_a_bug_is_not_hidden(run_folder: Path) -> None:

@@ -72,7 +72,7 @@ def test_it_is_listed_and_has_help(counting: None) -> None:
 
 def test_its_settings_are_keys_of_pipeline_files_and_of_the_schema(counting: None) -> None:
     stages = load_stages()
-    assert [stage.name for stage in stages][2:5] == ["geometry", "count", "plan"]
+    assert [stage.name for stage in stages][2:5] == ["geometry", "count", "photometry"]
     pipeline = load_pipeline(packaged_pipelines()["mesh"], stages, ["count.unit=3"])
     assert pipeline.configs["count"].model_dump() == {"unit": 3}
     schema = json.loads(call("schema", "pipeline").stdout)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrpipe.renderers.hierarchical.directions import nearest_table
+from ibrpipe.core.hierarchy.directions import nearest_table
 from ibrpipe.renderers.hierarchical.nodes import Nodes
 from ibrpipe.renderers.hierarchical.prefiltering import bounding_sphere, enclosing_spheres
 from ibrpipe.types import Array

@@ -10,8 +10,8 @@ import numpy as np
 
 from ibrpipe.core.hierarchy import prefilter as kernels
 from ibrpipe.core.hierarchy.compose import compose
+from ibrpipe.core.hierarchy.directions import nearest_table
 from ibrpipe.errors import ValueRangeError
-from ibrpipe.renderers.hierarchical.directions import nearest_table
 from ibrpipe.renderers.hierarchical.nodes import Nodes
 from ibrpipe.renderers.hierarchical.stacks import Stacks, join_stacks, packed_stacks
 from ibrpipe.types import Array

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ibrpipe.core.hierarchy import compose, prefilter
-from ibrpipe.renderers.hierarchical.directions import nearest_table
+from ibrpipe.core.hierarchy.directions import nearest_table
 from ibrpipe.renderers.hierarchical.stacks import join_stacks, packed_stacks
 from ibrpipe.types.prerendered import view_axes
 

@@ -30,7 +30,7 @@ def test_the_stretch_of_a_similarity_is_its_scale():
 
 
 def test_octahedral_cells_are_the_nearest_in_the_table():
-    from ibrpipe.renderers.hierarchical.directions import CELLS, nearest_table
+    from ibrpipe.core.hierarchy.directions import CELLS, nearest_table
     from ibrpipe.types.prerendered import view_axes
 
     axes = view_axes(48)

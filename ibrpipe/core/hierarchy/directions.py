@@ -1,17 +1,16 @@
 """Which of the directions that parts are seen from is nearest."""
 
-from __future__ import annotations
-
 import numpy as np
-
-from ibrpipe.types import Array
 
 #: cells along a side of the table that finds the nearest direction
 CELLS = 64
 
 
-def nearest_table(axes: Array) -> Array:
-    """Return (CELLS, CELLS) int32: the view nearest to each cell of an octahedral map (cigolle2014)."""
+def nearest_table(axes):
+    """Return (CELLS, CELLS) int32: which of the `axes` (D, 3, 3) is nearest to each cell of an octahedral map.
+
+    The map is that of cigolle2014.
+    """
     grid = (np.arange(CELLS) + 0.5) * 2.0 / CELLS - 1.0
     u, v = np.meshgrid(grid, grid)
     z = 1.0 - np.abs(u) - np.abs(v)
