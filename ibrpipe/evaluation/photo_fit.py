@@ -1,4 +1,4 @@
-"""How well an asset shows photos: PSNR in their masks."""
+"""How well an asset shows photos: PSNR in their masks, or where it covers them."""
 
 from __future__ import annotations
 
@@ -10,15 +10,28 @@ from ibrpipe.core.psnr import psnr
 from ibrpipe.evaluation.image_scores import to_srgb8
 from ibrpipe.io.views import View, load_view
 from ibrpipe.renderers.api import prepare, render
-from ibrpipe.types import Asset
+from ibrpipe.types import Array, Asset
+
+#: pixels around what an asset covers that count, too
+AROUND = 2
 
 
 class PhotoFit:
-    """Photos that assets are held against; they are read once."""
+    """Photos that assets are held against; they are read once.
 
-    def __init__(self, views: Sequence[View]) -> None:
-        self.views = list(views)
-        self._codes = [(to_srgb8(color), mask >= 0.5) for color, mask in map(load_view, self.views)]
+    Masks say which pixels count. Of a photo without a mask those do that one asset covers, and few around them: what
+    it never shows, such as a sky or a wall behind it, would else outweigh all that coding can lose.
+    """
+
+    def __init__(self, views: Sequence[View], asset: Asset) -> None:
+        self.views, prepared = list(views), prepare(asset, "ldi")
+        self._codes = []
+        for view in self.views:
+            color, mask = load_view(view)
+            counted = mask >= 0.5
+            if not view.masked:
+                counted &= _widened(np.asarray(render(prepared, view.camera).alpha) >= 0.5)
+            self._codes.append((to_srgb8(color), counted))
 
     def each(self, asset: Asset, every: int = 1) -> list[float | None]:
         """Return the PSNR of every so manieth photo, dB; None = it shows nothing.
@@ -34,6 +47,14 @@ class PhotoFit:
     def psnr(self, asset: Asset, every: int = 1) -> float | None:
         """Return the mean PSNR over every so manieth photo, dB; None = there is nothing to compare."""
         return mean_of(self.each(asset, every))
+
+
+def _widened(covered: Array) -> Array:
+    """Return covered pixels (H, W) and those around: rims that coding moves count alike, whichever way they move."""
+    import cv2
+
+    square = np.ones((2 * AROUND + 1, 2 * AROUND + 1), np.uint8)
+    return np.asarray(cv2.dilate(covered.astype(np.uint8), square)) > 0
 
 
 def mean_of(values: Sequence[float | None]) -> float | None:

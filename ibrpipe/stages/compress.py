@@ -130,8 +130,8 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
         The asset or the views cannot be read.
     """
     views = read_views(inputs.views)
-    fit = PhotoFit(_spread(views.train, config.measured_views))
     first = Source(inputs.asset, read_index(inputs.asset), read_asset(inputs.asset))
+    fit = PhotoFit(_spread(views.train, config.measured_views), first.asset)
     each, every = fit.each(first.asset), max(1, -(-len(fit.views) // _FEW))
     before, few = mean_of(each), mean_of(each[::every])
     with TemporaryDirectory(prefix="ibrpipe-") as scratch:

@@ -122,7 +122,7 @@ def _untold(index: AssetIndex) -> AssetIndex:
 
 def _steps(source: Source, train: Sequence[View], count: int) -> list[CodingStep]:
     """Return about so many codings as `ibrpipe compress` chooses from, evenly spread over bytes, large ones first."""
-    fit = PhotoFit(_spread(train, _FITTED))
+    fit = PhotoFit(_spread(train, _FITTED), source.asset)
     ladder = choices(curves_of(Parts(source, fit.psnr, fit.psnr(source.asset) or 0.0), {}))
     sizes = np.log([choice.size for choice in ladder])
     wanted = np.linspace(sizes.max(), sizes.min(), count)
