@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,12 +124,22 @@ def load_photos(views: Sequence[View], caster: MeshCaster) -> PhotoSet:
     """
     if not views:
         raise CaptureError("the capture has no training photos; give at least two")
+    return _packed(views, track(views, "photos"), caster)
+
+
+def load_photo(view: View, caster: MeshCaster) -> PhotoSet:
+    """Load one photo as a set of its own, to look at photos in turn; without progress, which is that of the loop."""
+    return _packed([view], [view], caster)
+
+
+def _packed(views: Sequence[View], loaded: Iterable[View], caster: MeshCaster) -> PhotoSet:
+    """Pack views; `loaded` yields the same again."""
     cameras = tuple(view.camera for view in views)
     sizes = np.array([(c.height, c.width) for c in cameras], np.int32)
     starts = np.concatenate([[0], np.cumsum(sizes.astype(np.int64).prod(axis=1))])
     code, depth = np.empty((starts[-1], 3), np.float32), np.empty(starts[-1], np.float32)
     mask = np.empty(starts[-1], np.float32)
-    for p, view in enumerate(track(views, "photos")):
+    for p, view in enumerate(loaded):
         own = slice(starts[p], starts[p + 1])
         pixels, coverage = load_view(view)
         code[own], mask[own] = srgb_encode(pixels, np.inf).reshape(-1, 3), coverage.ravel()

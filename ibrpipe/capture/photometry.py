@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrpipe.capture.coverage import SurfacePoints
-from ibrpipe.capture.photo_set import load_photos
+from ibrpipe.capture.photo_set import load_photo
 from ibrpipe.core.color import luminance
 from ibrpipe.embree import MeshCaster
 from ibrpipe.io.views import View
@@ -72,7 +72,7 @@ def observe(views: Sequence[View], caster: MeshCaster, points: SurfacePoints) ->
     for number, view in enumerate(track(views, "photos in common")):
         toward = view.camera.center - points.position
         toward /= np.linalg.norm(toward, axis=1, keepdims=True)
-        color, _ = load_photos([view], caster).blend(points.position, points.normal, toward)
+        color, _ = load_photo(view, caster).blend(points.position, points.normal, toward)
         stored = color / view.factors
         with np.errstate(invalid="ignore"):
             told = (stored.min(axis=1) > DARK) & (stored.max(axis=1) < CLIPPED)

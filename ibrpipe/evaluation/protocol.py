@@ -9,9 +9,22 @@ from ibrpipe.evaluation.image_scores import FLIP_PPD, MASK_THRESHOLD, SSIM_WINDO
 from ibrpipe.evaluation.metrics import Protocol
 from ibrpipe.types import Camera
 
+_BALANCED = (
+    "Photos were brought to one exposure and white balance: {why}. Held-out photos, too, to the colours of the others: "
+    "these three factors a photo are all that was taken from them."
+)
 
-def make_protocol(timed: Camera, repeats: int, views: int, highlight_threshold: int, samples: int | str) -> Protocol:
-    """Return the protocol of frames of `timed`'s size, timed `repeats` times in `views` views."""
+
+def make_protocol(
+    timed: Camera, repeats: int, views: int, highlight_threshold: int, samples: int | str, photometry: str | None = None
+) -> Protocol:
+    """Return the protocol of frames of `timed`'s size, timed `repeats` times in `views` views.
+
+    Parameters
+    ----------
+    photometry : str or None
+        Why the photos were brought to one exposure; None = they were not.
+    """
     threads = numba.get_num_threads()
     return Protocol(
         mask_threshold=MASK_THRESHOLD,
@@ -27,6 +40,7 @@ def make_protocol(timed: Camera, repeats: int, views: int, highlight_threshold: 
         lines=[
             "Held-out photos are used for measuring only. All scores compare 8-bit sRGB pictures, and only pixels "
             f"whose mask coverage is at least {MASK_THRESHOLD}; figures are means over the views.",
+            *([] if photometry is None else [_BALANCED.format(why=photometry)]),
             "Mask pixels that a render leaves uncovered are black and count as such. Outside the mask both pictures "
             "are black, so that nothing there reaches into a window or filter.",
             "All scores are taken a second time over the mask pixels that every renderer and baseline covers. Where "

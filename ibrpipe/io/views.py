@@ -22,6 +22,8 @@ from ibrpipe.io.photos.threshold_masks import threshold_mask
 from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array, Camera
 
+#: key of `ViewSet.info`: why photos were brought to one exposure; absent = they were not
+PHOTOMETRY = "photometry"
 #: the file in a run's folder as ingest writes it; all of them, the latest first
 INGESTED = "ingest/views.json"
 IN_RUN = ("photometry/views.json", INGESTED)
@@ -122,7 +124,7 @@ class ViewSet:
     mesh : Path or None
         Triangle mesh in the cameras' world.
     info : mapping
-        What else is known: ``units``, ``capture``, ``exposure``, ``notes``.
+        What else is known: ``units``, ``capture``, ``exposure``, ``photometry``, ``notes``.
     """
 
     train: tuple[View, ...]

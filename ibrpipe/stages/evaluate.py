@@ -42,7 +42,7 @@ from ibrpipe.io.assets import read_index
 from ibrpipe.io.documents.texture_errors import TextureErrors
 from ibrpipe.io.frames import read_frames
 from ibrpipe.io.surfaces.meshes import read_mesh, read_vertex_values
-from ibrpipe.io.views import ViewSet, read_views, spread
+from ibrpipe.io.views import PHOTOMETRY, ViewSet, read_views, spread
 from ibrpipe.types import Asset, Camera, Mesh
 
 
@@ -154,7 +154,12 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
         seconds={**seconds_of(inputs.run, STAGE.name), STAGE.name: perf_counter() - began},
         machine=describe_machine(),
         protocol=make_protocol(
-            cameras[0], config.timing_repeats, len(cameras), config.highlight_threshold, frames.samples
+            cameras[0],
+            config.timing_repeats,
+            len(cameras),
+            config.highlight_threshold,
+            frames.samples,
+            views.info.get(PHOTOMETRY),
         ),
     )
     outputs = Outputs.below(inputs.out)

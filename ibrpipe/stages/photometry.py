@@ -19,7 +19,7 @@ from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.io.documents.photometry import PhotoGain, Photometry
 from ibrpipe.io.documents.views import Views
 from ibrpipe.io.surfaces.meshes import read_mesh
-from ibrpipe.io.views import View, ViewSet, read_views, write_views
+from ibrpipe.io.views import PHOTOMETRY, View, ViewSet, read_views, write_views
 from ibrpipe.types import Array
 
 
@@ -88,11 +88,12 @@ def _balance(views: ViewSet, caster: MeshCaster, config: PhotometryConfig) -> tu
         before=_told(gains.before),
         after=_told(gains.after),
         train=_listed(views.train, gains.train),
-        test=_listed(views.test, test),
+        test=_listed(views.test, test) if applied else [],
     )
     if not applied:
         return document, views
-    return document, replace(views, train=_multiplied(views.train, gains.train), test=_multiplied(views.test, test))
+    train, held_out = _multiplied(views.train, gains.train), _multiplied(views.test, test)
+    return document, replace(views, train=train, test=held_out, info={**views.info, PHOTOMETRY: why})
 
 
 def decide(gains: Gains, config: PhotometryConfig) -> tuple[bool, str]:
@@ -123,7 +124,7 @@ def _listed(views: Sequence[View], factors: Array) -> list[PhotoGain]:
             stops=round(-float(np.log2(luminance(each))), 4),
             factors=(round(float(each[0]), 5), round(float(each[1]), 5), round(float(each[2]), 5)),
         )
-        for view, each in zip(views, factors, strict=False)
+        for view, each in zip(views, factors, strict=True)
     ]
 
 

@@ -10,6 +10,7 @@ import pytest
 from ibrpipe.capture.coverage import spread_points
 from ibrpipe.capture.photometry import CLIPPED, DARK, find_gains, gain_of, observe
 from ibrpipe.io.views import read_views
+from ibrpipe.progress import listening
 
 POINTS, PHOTOS = 400, 7
 
@@ -83,7 +84,10 @@ def test_what_photos_show_of_points(measured):
     ball = measured("ball")
     views = read_views(ball.folder / "views.json").train[:3]
     points = spread_points(ball.caster.mesh, 300)
-    seen = observe(views, ball.caster, points)
+    bars = []
+    with listening(lambda label, done, total: bars.append((label, total))):
+        seen = observe(views, ball.caster, points)
+    assert set(bars) == {("photos in common", 3)}  # one bar, not another for every photo
     known = np.isfinite(seen[:, :, 0])
     assert known.any(axis=0).all()
     assert (np.isfinite(seen).all(axis=2) == known).all()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ibrpipe.io.documents.photometry import Photometry
-from ibrpipe.io.views import load_view, read_views, views_in_run, write_views
+from ibrpipe.io.views import PHOTOMETRY, load_view, read_views, views_in_run, write_views
 from ibrpipe.stages.photometry import STAGE, Inputs, PhotometryConfig, run
 
 
@@ -53,6 +53,7 @@ def test_exposure_and_white_balance_are_undone(uneven, tmp_path):
         color, plain = load_view(view)[0], load_view(was)[0]
         assert np.allclose(color, plain * np.float32(told.factors), rtol=1e-4, atol=1e-6)
     assert [each.name for each in found.test] == [view.name for view in before.test]
+    assert after.info[PHOTOMETRY] == found.why  # for the report
 
 
 @pytest.mark.parametrize("scene", ["lambert", "glossy", "ball"])
@@ -63,6 +64,8 @@ def test_photos_that_agree_or_differ_by_gloss_are_left_alone(measured, tmp_path,
     assert "left alone" in found.why or "the surface differs" in found.why
     views = [read_views(folder / "views.json") for folder in (source, tmp_path / scene)]
     assert [view.factors.tolist() for view in views[0].train] == [view.factors.tolist() for view in views[1].train]
+    assert PHOTOMETRY not in views[1].info
+    assert found.test == []
     assert not (tmp_path / scene / "summary.txt").exists()
 
 

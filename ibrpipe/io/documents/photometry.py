@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 from pydantic import Field
 
 from ibrpipe.config import Document
-
-_Factor = Annotated[float, Field(gt=0)]
+from ibrpipe.io.documents.views import Factors
 
 
 class PhotoGain(Document):
@@ -16,9 +13,7 @@ class PhotoGain(Document):
 
     name: str = Field(description="Of the view")
     stops: float = Field(description="By which it is brighter than the middle of the photos; negative = darker")
-    factors: tuple[_Factor, _Factor, _Factor] = Field(
-        description="Of linear red, green and blue, beside the gain that ingest gave it"
-    )
+    factors: Factors = Field(description="Of linear red, green and blue, beside the gain that ingest gave it")
 
 
 class Photometry(Document):

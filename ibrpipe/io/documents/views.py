@@ -17,6 +17,8 @@ def _file_name(name: str) -> str:
 
 
 _Factor = Annotated[float, Field(gt=0)]
+#: of linear red, green and blue
+Factors = tuple[_Factor, _Factor, _Factor]
 
 
 class View(Document):
@@ -33,9 +35,7 @@ class View(Document):
         None, description="Without a mask: what is brighter (display code, 0..1) is the object; null = all counts"
     )
     gain: float = Field(gt=0, description="Linear factor that undoes the photo's exposure")
-    white_balance: tuple[_Factor, _Factor, _Factor] = Field(
-        (1.0, 1.0, 1.0), description="Linear factors of red, green and blue beside it"
-    )
+    white_balance: Factors = Field((1.0, 1.0, 1.0), description="Linear factors of red, green and blue beside it")
     color_space: str | None = Field(description="Colour space of the photo; null = as the file declares")
     oriented: bool = Field(description="The file's orientation tag is obeyed")
     full_size: tuple[int, int] | None = Field(
