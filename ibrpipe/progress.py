@@ -17,8 +17,8 @@ from ibrpipe.interruption import stop_if_asked
 
 T = TypeVar("T")
 
-#: called as listener(label, done, total); the command line decides how to show it
-Listener = Callable[[str, int, int], None]
+#: called as listener(label, done, total), total None where no end is known; the command line decides how to show it
+Listener = Callable[[str, int, int | None], None]
 
 _LISTENER: ContextVar[Listener | None] = ContextVar("progress_listener", default=None)
 
@@ -123,9 +123,14 @@ def listening(listener: Listener) -> Iterator[None]:
         _LISTENER.reset(token)
 
 
+def current_listener() -> Listener | None:
+    """Return whoever listens, if anybody does."""
+    return _LISTENER.get()
+
+
 def listener() -> Listener:
     """Return whoever listens; nobody may, and then a call of it does nothing."""
-    return _LISTENER.get() or (lambda label, done, total: None)
+    return current_listener() or (lambda label, done, total: None)
 
 
 @contextmanager

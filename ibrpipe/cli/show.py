@@ -15,14 +15,15 @@ from ibrpipe.engine.event_words import duration
 from ibrpipe.progress import current_whole, listening
 
 LINES_PER_BAR, LINES_OF_A_WHOLE = 10, 20
-_SECONDS_BETWEEN_LINES = 2.0
+#: of loops, and of what has no known end
+_SECONDS_BETWEEN_LINES, _SECONDS_BETWEEN_COUNTS = 2.0, 10.0
 
 
 class Display(Protocol):
     """Shows progress and lines of text."""
 
-    def progress(self, label: str, done: int, total: int) -> None:
-        """Show that `done` of `total` steps of `label` are done."""
+    def progress(self, label: str, done: int, total: int | None) -> None:
+        """Show that `done` of `total` (None = nobody knows) steps of `label` are done."""
 
     def say(self, text: str) -> None:
         """Show one line."""
@@ -38,10 +39,14 @@ class LogDisplay:
         self._label = ""
         self._start = self._last = 0.0
         self._shown = 0
+        self._counted = -_SECONDS_BETWEEN_COUNTS
 
-    def progress(self, label: str, done: int, total: int) -> None:
+    def progress(self, label: str, done: int, total: int | None) -> None:
         """Write a line when another tenth is done and the last line is a while ago."""
         now, around = time.monotonic(), current_whole()
+        if total is None:
+            self._count(label, done, now)
+            return
         key, lines = (label, LINES_PER_BAR) if around is None else (around.label, LINES_OF_A_WHOLE)
         if key != self._label or (around is None and done == 0):
             self._label, self._start, self._last, self._shown = key, now, now, 0
@@ -57,6 +62,11 @@ class LogDisplay:
             left = around.left()
             told = "" if left is None else f", about {duration(left)} left"
             self.say(f"  {around.label}: {share:.0%}{told} ({label}: {done}/{total})")
+
+    def _count(self, label: str, done: int, now: float) -> None:
+        if now - self._counted >= _SECONDS_BETWEEN_COUNTS:
+            self._counted = now
+            self.say(f"  {label}: {done} so far")
 
     def say(self, text: str) -> None:
         """Write one line."""
@@ -84,8 +94,11 @@ class TerminalDisplay:
     ) -> None:
         self._bars.stop()
 
-    def progress(self, label: str, done: int, total: int) -> None:
+    def progress(self, label: str, done: int, total: int | None) -> None:
         """Move the bar `label`; it vanishes when it is full."""
+        if total is None:
+            self._move(label, None, f"{done} so far", None)
+            return
         around, left = current_whole(), None
         if around is not None:
             self._move(around.label, around.share, f"{around.share:.0%}", around.left())
@@ -95,10 +108,11 @@ class TerminalDisplay:
         if done >= total:
             self._bars.remove_task(self._tasks.pop(label))
 
-    def _move(self, label: str, share: float, count: str, left: float | None) -> None:
+    def _move(self, label: str, share: float | None, count: str, left: float | None) -> None:
         now = time.monotonic()
         if label not in self._tasks:
-            self._tasks[label] = self._bars.add_task(label, total=1.0, count=count, ends=None)
+            end = None if share is None else 1.0
+            self._tasks[label] = self._bars.add_task(label, total=end, count=count, ends=None)
             self._starts[label] = now
         self._bars.update(self._tasks[label], completed=share, count=count, ends=None if left is None else now + left)
 
@@ -127,11 +141,13 @@ def _time_left() -> Any:
 
 @contextmanager
 def display() -> Iterator[Display]:
-    """Show progress inside the block in the way that suits where stderr goes."""
+    """Show progress inside the block, compilation included, in the way that suits where stderr goes."""
+    from ibrpipe.compile_progress import compiling_told
+
     if sys.stderr.isatty():
-        with TerminalDisplay() as terminal, listening(terminal.progress):
+        with TerminalDisplay() as terminal, listening(terminal.progress), compiling_told():
             yield terminal
     else:
         log = LogDisplay()
-        with listening(log.progress):
+        with listening(log.progress), compiling_told():
             yield log

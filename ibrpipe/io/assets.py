@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
+from ibrpipe.compile_progress import compiling_told
 from ibrpipe.config import Document
 from ibrpipe.errors import ConfigError, FormatError, IbrError, MissingFileError, ResourceError, ValueRangeError
 from ibrpipe.io.components import Component, ComponentFiles, SampleFiles, find_kind
@@ -275,7 +276,7 @@ def read_asset(path: str | Path) -> Asset:
     """
     index, folder = read_index(path), Path(path)
     shared = _read_shared(index, folder)
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with compiling_told(), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         textures = tuple(pool.map(lambda entry: _read_texture(folder, entry, shared), index.textures))
     return Asset(textures, index.model_dump())
 

@@ -10,7 +10,7 @@ from ibrpipe.errors import RendererError
 from ibrpipe.renderers.option_check import checked_options
 from ibrpipe.renderers.option_text import option_texts
 from ibrpipe.renderers.registry import find_renderer, registered
-from ibrpipe.renderers.renderer import type_names
+from ibrpipe.renderers.renderer import Renderer, type_names
 from ibrpipe.types import Asset, Camera, Frame, Scene
 from ibrpipe.types.prerendered import PrerenderedScene
 from ibrpipe.types.renderable import Renderable
@@ -77,7 +77,10 @@ def prepare(source: Source, renderer: str = "ldi") -> Prepared:
         if not isinstance(each, chosen.accepts):
             taken = ", ".join(type_names(chosen.accepts))
             raise RendererError(f"renderer {renderer!r} cannot take a {type(each).__name__}; it takes: {taken}")
-    data = chosen().prepare(sources)
+    from ibrpipe.compile_progress import compiling_told
+
+    with compiling_told():
+        data = chosen().prepare(sources)
     return Prepared(renderer, sources, data, int(data.bytes))
 
 
@@ -120,8 +123,17 @@ def render(
             raise RendererError(f"unknown output {name!r}; choose among: {', '.join(OUTPUTS)}")
     if not isinstance(camera, Camera):
         raise RendererError(f"camera must be a Camera, got {type(camera).__name__}; build one with ibrpipe.Camera")
-    prepared = prepare(source, renderer)
-    samples, drawer = getattr(checked, "samples", 1), chosen()
+    from ibrpipe.compile_progress import compiling_told
+
+    with compiling_told():
+        return _drawn(prepare(source, renderer), camera, chosen(), wanted, checked)
+
+
+def _drawn(
+    prepared: Prepared, camera: Camera, drawer: Renderer[Any, Any], wanted: tuple[str, ...], checked: Any
+) -> Frame:
+    """Draw with as many rays a pixel as the options say."""
+    samples = getattr(checked, "samples", 1)
     if samples == 1 or (samples == "adaptive" and not {"color", "alpha"} & set(wanted)):
         return drawer.draw(prepared.data, camera, wanted, checked)  # several rays at edges leave depth as it is
     if samples == "adaptive":

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrpipe.capture.pipeline_choice import choose_pipeline
+from ibrpipe.compile_progress import compiling_told, line_of
 from ibrpipe.engine.artifacts import products
 from ibrpipe.engine.event_words import told
 from ibrpipe.engine.executor import executor
@@ -17,6 +18,7 @@ from ibrpipe.engine.runner import Event, Run, run_pipeline
 from ibrpipe.errors import ConfigError, MissingFileError
 from ibrpipe.evaluation.metrics import MetricsModel, Scores, read_metrics
 from ibrpipe.io.assets import read_asset
+from ibrpipe.progress import Listener
 from ibrpipe.stages.registry import load_stages
 from ibrpipe.stages.stills import preparation
 from ibrpipe.types import Asset
@@ -140,9 +142,13 @@ def run(
         if progress is not None:
             progress(told(event))
 
-    with executor(workers, dask):
+    with executor(workers, dask), compiling_told(None if progress is None else _lines(progress)):
         done = run_pipeline(asked, load_stages(), report)
     return FinishedRun(Path(out), chosen.name, {name: manifest.seconds for name, manifest in done.items()})
+
+
+def _lines(progress: Callable[[str], None]) -> Listener:
+    return lambda label, done, total: progress(line_of(label, done, total))
 
 
 def loaded_with(pipeline: Path | str, values: Mapping[str, Any]) -> Pipeline:

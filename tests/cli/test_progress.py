@@ -118,6 +118,31 @@ def test_a_terminal_shows_the_whole_above_its_loop(clock: Clock, monkeypatch: py
     assert not display._bars.tasks  # nothing stays when all is done
 
 
+def test_a_log_counts_what_has_no_known_end_now_and_then(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    display = show.LogDisplay()
+    display.progress("loop", 0, 10)
+    for done in range(25):
+        display.progress("kernels", done, None)
+        clock.now += 1.0
+    display.progress("kernels", 25, 25)
+    display.progress("loop", 5, 10)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[:3] == [f"  kernels: {done} so far" for done in (0, 10, 20)]
+
+
+def test_a_terminal_pulses_while_no_end_is_known(clock: Clock) -> None:
+    from rich.console import Console
+
+    display = show.TerminalDisplay()
+    display._bars.live.console = Console(file=io.StringIO(), force_terminal=True, width=100)
+    display.progress("kernels", 3, None)
+    (bar,) = display._bars.tasks
+    assert bar.total is None
+    assert bar.fields["count"] == "3 so far"
+    display.progress("kernels", 4, 4)
+    assert not display._bars.tasks
+
+
 def test_a_step_is_a_part_and_its_loop() -> None:
     step, other, seen = Step("one", 2.0), Step("two", 3.0), []
 
