@@ -4,6 +4,7 @@
 row written by one thread, so the thread count never changes a byte), ``serial`` compiles loops whose order matters;
 ``exact_...`` do their arithmetic as written.
 Fast-math is a subset without ``nnan`` and ``ninf``: holes are NaN and misses are infinite here.
+A function that kernels call is compiled anew for every literal that it is given: shared ones take ``np.int64(0)``.
 Compiled code is cached per module, in a folder named by a hash of its source and of all kernel modules that it imports:
 an edit in any of them is seen, an edit elsewhere compiles nothing anew, and all checkouts and environments of a user
 share what is the same in them.

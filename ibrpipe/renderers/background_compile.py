@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -17,11 +18,15 @@ from pathlib import Path
 import numba
 from numba.core.sigutils import normalize_signature
 
+from ibrpipe.compile_progress import still_waiting
 from ibrpipe.core import jit
 
-PROGRAM = "import sys; from ibrpipe.renderers.background_compile import compile_named; compile_named(sys.argv[1:])"
-#: seconds after which the second process is no longer waited for
-PATIENCE = 60.0
+PROGRAM = (  # garbage: see ibrpipe.compile_progress
+    "import gc, sys; gc.disable(); "
+    "from ibrpipe.renderers.background_compile import compile_named; compile_named(sys.argv[1:])"
+)
+#: seconds after which the second process is no longer waited for, and between looks at it
+PATIENCE, LOOK = 60.0, 0.5
 
 
 @dataclass(frozen=True)
@@ -80,12 +85,22 @@ class BackgroundCompile:
         for each in self.meanwhile:
             if self._process.poll() is None:
                 compile_named([each.text])
-        try:
-            self._process.wait(PATIENCE)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()  # none is left behind, and none is told as still running
+        end = time.monotonic() + PATIENCE
+        while not _ended(self._process, LOOK):
+            still_waiting()
+            if time.monotonic() >= end:
+                self._process.kill()
+                self._process.wait()  # none is left behind, and none is told as still running
         self._process = None
+
+
+def _ended(process: subprocess.Popen[bytes], seconds: float) -> bool:
+    """Whether a process ends within some seconds."""
+    try:
+        process.wait(seconds)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
 
 
 def is_cached(kernel: Kernel) -> bool:

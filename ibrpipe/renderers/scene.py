@@ -9,6 +9,7 @@ import numpy as np
 
 from ibrpipe.core.ldi import shade
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers.background_compile import Kernel
 from ibrpipe.renderers.fields import HeightField, PatchField, build_field, texel_size
 from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.renderers.search.epipolar_lines import Map, height_map
@@ -17,6 +18,14 @@ from ibrpipe.renderers.search.quadtree import Sheet, build_sheets
 from ibrpipe.renderers.view_dependence.component import PreparedComponent, prepare_components
 from ibrpipe.types import Array, Camera
 from ibrpipe.types.renderable import GridSource
+
+#: as the pictures of layered images call it; for those that have a second process compile it
+SHADE_PATCHES = Kernel(
+    "ldi.shade",
+    "shade_patches",
+    "(float32[:,::1], uint32[:,::1], Tuple((float64[:,::1], float64[:,::1])), int32[:,::1], float64[:,::1], "
+    "float64[:,:,::1], float32[:,::1], float32[:,:,::1], float32[:,::1])",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +126,7 @@ class Hits:
 
 def prepare(textures: tuple[GridSource, ...]) -> Scene:
     """Build the fields of all textures, and the tables of their view dependence."""
+    components = prepare_components(textures)  # first: what they need may be compiled beside
     fields = [(number, build_field(texture)) for number, texture in enumerate(textures)]
     layered = tuple((number, field) for number, field in fields if isinstance(field, PatchField))
     base = sum(len(field.corners) for _, field in layered)
@@ -129,7 +139,7 @@ def prepare(textures: tuple[GridSource, ...]) -> Scene:
         raise RendererError(
             f"the sources have {base} cells together; 4294967294 can be told apart: render fewer at once"
         )
-    return Scene(layered, tuple(heights), prepare_components(textures))
+    return Scene(layered, tuple(heights), components)
 
 
 def shade_hits(scene: Scene, hits: Hits, camera: Camera, grid: PixelGrid | None = None) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ from importlib import import_module
 
 import numba
 import numpy as np
+import page_assets
 import pytest
 from numba.core.sigutils import normalize_signature
 
@@ -18,7 +19,8 @@ from ibrpipe.renderers import background_compile
 from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
 from ibrpipe.renderers.prewarp import passes
 from ibrpipe.renderers.relief import height_fields, meshes
-from ibrpipe.renderers.search import epipolar_lines
+from ibrpipe.renderers.search import epipolar_lines, projection
+from ibrpipe.renderers.view_dependence import reflection, spiral
 
 SMALL = Kernel("relief.shade", "place_hits", "(float32[:,::1], uint32[:,::1], uint32, float64[::1], float64[:,::1], "
                "float64[:,:,::1])")  # fmt: skip
@@ -61,9 +63,35 @@ def test_colours_of_lines_in_relief_are_listed(monkeypatch):
         assert normalize_signature(kernel.types)[0] in called, kernel.name
 
 
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+@pytest.mark.parametrize(
+    ("kind", "listed"),
+    [("matt", projection.BACKGROUND), ("mirror", reflection.BACKGROUND), ("spiral", spiral.BACKGROUND)],
+)
+def test_what_is_listed_for_layers_is_what_a_frame_calls(kind, listed):
+    asset = page_assets.make_asset(kind)
+    ibrpipe.render(asset, ibrpipe.orbit(asset, 1, width=24, height=20)[0])
+    for kernel in (*listed.kernels, *listed.meanwhile):
+        called = getattr(import_module(f"ibrpipe.core.{kernel.module}"), kernel.name).signatures
+        assert normalize_signature(kernel.types)[0] in called, kernel.name
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [("reflection.voxels", "meet_listed"), ("ldi.patches", "best_partner"), ("ldi.patches", "walk_on")],
+)
+def test_shared_functions_are_compiled_once(module, name):
+    """Each literal that such a function is given compiles it anew."""
+    camera = ibrpipe.Camera.look_at((0, 0.1, 3), (0, 0, 0), width=16, height=12)
+    ibrpipe.render(page_assets.make_asset("mirror"), camera)
+    signatures = getattr(import_module(f"ibrpipe.core.{module}"), name).signatures
+    assert not [each for each in signatures if any(isinstance(part, numba.types.Literal) for part in each)]
+
+
 SCRIPT = """
 import sys
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1:]
 from ibrpipe.core.relief import shade as relief_shade
 from ibrpipe.renderers.background_compile import BackgroundCompile, is_cached
 from test_background_compile import SMALL
@@ -86,7 +114,7 @@ assert again._process is None
 def test_second_process_fills_the_cache_that_the_first_loads(tmp_path):
     environment = {**os.environ, "IBRPIPE_CACHE_DIR": str(tmp_path)}
     here = os.path.dirname(os.path.abspath(__file__))
-    subprocess.run([sys.executable, "-c", SCRIPT, here], check=True, env=environment)
+    subprocess.run([sys.executable, "-c", SCRIPT, here, os.path.dirname(here)], check=True, env=environment)
 
 
 def test_without_a_second_process_nothing_is_waited_for(monkeypatch):

@@ -19,6 +19,9 @@ from numba import prange
 from ibrpipe.core.jit import helper, kernel
 from ibrpipe.core.ldi.quadtree import EMPTY, pack_bounds
 
+#: no literals, for each of which functions are compiled anew
+ALONG_U, ALONG_V = np.int64(0), np.int64(1)
+
 
 @helper
 def mismatch(depth_p, depth_q, step_p, step_q, texel, gap):
@@ -33,7 +36,7 @@ def mismatch(depth_p, depth_q, step_p, step_q, texel, gap):
 
 @helper
 def best_partner(sample, first, last, forward, depth, step, texel, gap):
-    # texel = (constant, per depth); forward: `sample` is the left (upper) one -> index in [first, last) or -1
+    # texel = (constant, per depth); forward, 1 or 0: `sample` is the left (upper) one -> index in [first, last) or -1
     best, least = -1, np.inf
     for other in range(first, last):
         p, q = (sample, other) if forward else (other, sample)
@@ -57,8 +60,11 @@ def link_samples(offsets, depth, step, margin, gap, out):
                 first, last = offsets[j, i], offsets[j, i + 1]
                 first_q, last_q = offsets[y, x], offsets[y, x + 1]
                 for p in range(first, last):
-                    q = best_partner(p, first_q, last_q, True, depth, step[axis], margin[axis], gap)
-                    if q >= 0 and best_partner(q, first, last, False, depth, step[axis], margin[axis], gap) == p:
+                    q = best_partner(p, first_q, last_q, np.int64(1), depth, step[axis], margin[axis], gap)
+                    back = np.int64(-1)
+                    if q >= 0:
+                        back = best_partner(q, first, last, np.int64(0), depth, step[axis], margin[axis], gap)
+                    if back == p:
                         out[axis, p], out[axis + 2, q] = q, p
 
 
@@ -98,7 +104,7 @@ def find_group(links, sample, ring, members, other):
             for n in range(first, 4):  # assigning slices compiles numba's string functions
                 members[n] = other[n]
     if ring > 0 and last == 3 and links[3, members[3]] >= 0:
-        return walk_on(links, links[3, members[3]], 0, other) >= ring
+        return walk_on(links, np.int64(links[3, members[3]]), np.int64(0), other) >= ring
     return True
 
 
@@ -142,13 +148,14 @@ def predict_missing(corner, samples, depth, step):
     sign_u = np.float32(1.0 if corner & 1 else -1.0)
     sign_v = np.float32(1.0 if corner & 2 else -1.0)
     if beside_u >= 0 and beside_v >= 0:
-        along_u, along_v = predict(beside_u, 0, sign_u, depth, step), predict(beside_v, 1, sign_v, depth, step)
+        along_u = predict(beside_u, ALONG_U, sign_u, depth, step)
+        along_v = predict(beside_v, ALONG_V, sign_v, depth, step)
         return np.float32(0.5) * (along_u + along_v)
     if beside_u >= 0:
-        return predict(beside_u, 0, sign_u, depth, step)
+        return predict(beside_u, ALONG_U, sign_u, depth, step)
     if beside_v >= 0:
-        return predict(beside_v, 1, sign_v, depth, step)
-    along_u, along_v = predict(opposite, 0, sign_u, depth, step), predict(opposite, 1, sign_v, depth, step)
+        return predict(beside_v, ALONG_V, sign_v, depth, step)
+    along_u, along_v = predict(opposite, ALONG_U, sign_u, depth, step), predict(opposite, ALONG_V, sign_v, depth, step)
     return along_u + along_v - depth[opposite]
 
 

@@ -291,7 +291,7 @@ def merge_pictures(keys, columns, depth, ids):
             for part in range(1, keys.shape[0]):
                 for rank in range(keys.shape[1]):
                     if keys[part, rank, at] < keys[0, last, at]:
-                        insert_hit(keys[part, rank, at], keys, 0, at)
+                        insert_hit(keys[part, rank, at], keys, np.int64(0), at)
             for rank in range(keys.shape[1]):
                 depth[rank, y, x] = np.int32(keys[0, rank, at] >> 32).view(np.float32)
                 ids[rank, y, x] = keys[0, rank, at] & 0xFFFFFFFF

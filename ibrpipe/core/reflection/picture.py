@@ -74,9 +74,13 @@ def mean_share(shares, colors, table, records, patch, weights):
 
 
 @fused_exact
-def ray_axis(world_from_pixel, axis, px, py):
-    """One coordinate of the ray through a pixel, one unit of depth long."""
-    return px * world_from_pixel[axis, 0] + py * world_from_pixel[axis, 1] + world_from_pixel[axis, 2]
+def pixel_ray(world_from_pixel, px, py):
+    """The ray through a pixel, one unit of depth long."""
+    return (
+        px * world_from_pixel[0, 0] + py * world_from_pixel[0, 1] + world_from_pixel[0, 2],
+        px * world_from_pixel[1, 0] + py * world_from_pixel[1, 1] + world_from_pixel[1, 2],
+        px * world_from_pixel[2, 0] + py * world_from_pixel[2, 1] + world_from_pixel[2, 2],
+    )
 
 
 @fused_exact
@@ -92,10 +96,8 @@ def gather_row(y, picture, view, surface, poses, weights, out, out_marks, out_ra
             continue
         if not active[records[patch, 2]]:
             continue
-        px, py = rows[y, 0] + columns[x, 0], rows[y, 1] + columns[x, 1]
-        wx = far * ray_axis(world_from_pixel, 0, px, py)
-        wy = far * ray_axis(world_from_pixel, 1, px, py)
-        wz = far * ray_axis(world_from_pixel, 2, px, py)
+        wx, wy, wz = pixel_ray(world_from_pixel, rows[y, 0] + columns[x, 0], rows[y, 1] + columns[x, 1])
+        wx, wy, wz = far * wx, far * wy, far * wz
         ax, ay, az = eye[0] + wx, eye[1] + wy, eye[2] + wz
         if not weigh_corners(ax, ay, az, patch, records, poses, weights):
             continue

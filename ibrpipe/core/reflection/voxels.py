@@ -162,7 +162,9 @@ def follow_rays(rays, first, last, grid, shapes, out_t, out_ids):
         origin, direction = (rays[i, 0], rays[i, 1], rays[i, 2]), (rays[i, 3], rays[i, 4], rays[i, 5])
         best, found = np.inf, -1
         if len(loose) > 0:
-            best, found = meet_listed(origin, direction, 0.0, np.inf, loose, 0, len(loose), poses, corners, masks)
+            best, found = meet_listed(
+                origin, direction, 0.0, np.inf, loose, np.int64(0), len(loose), poses, corners, masks
+            )
         dx, dy, dz = direction[0] * scale, direction[1] * scale, direction[2] * scale
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         x, y, z = (origin[0] - frame[0]) * scale, (origin[1] - frame[1]) * scale, (origin[2] - frame[2]) * scale

@@ -26,7 +26,10 @@ class LdiRenderer(Renderer["Scene", LdiOptions]):
     def prepare(self, sources: tuple[GridSource, ...]) -> Scene:
         """Build the fields of all sources, and the tables of their residuals."""
         from ibrpipe.renderers.scene import prepare
+        from ibrpipe.renderers.search.projection import BACKGROUND
 
+        if _matt_layers(sources):  # else a second process has view dependence to compile
+            BACKGROUND.begin()
         return prepare(sources)
 
     def draw(self, data: Scene, camera: Camera, outputs: tuple[str, ...], options: LdiOptions) -> Frame:
@@ -42,3 +45,9 @@ class LdiRenderer(Renderer["Scene", LdiOptions]):
         if not traces_edges(data, camera, options):
             return super().draw_adaptive(data, camera, outputs, options)
         return draw_adaptive(data, camera, outputs, options)
+
+
+def _matt_layers(sources: tuple[GridSource, ...]) -> bool:
+    """Whether there are layered images, and none of the sources has view dependence."""
+    parted = any(isinstance(each, Texture) and each.components for each in sources)
+    return not parted and any(isinstance(each, LayeredDepthImage | Texture) for each in sources)

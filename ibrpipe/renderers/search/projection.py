@@ -6,9 +6,22 @@ import numba
 import numpy as np
 
 from ibrpipe.core.ldi.project import merge_pictures, project_patches
+from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
 from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.search.epipolar_lines import EYE
 from ibrpipe.types import Array, Camera
+
+#: what a second process compiles at the first call
+BACKGROUND = BackgroundCompile(
+    (
+        Kernel(
+            "ldi.project", "project_patches",
+            "(Tuple((float32[:,:,::1], float32[:,:,::1], uint8[:,::1], uint32[:,::1])), int64[:,::1], float64[:,::1], "
+            "Tuple((float64[:,:,::1], float64[:,::1], float64[::1], float64[::1], boolean[::1])), "
+            "Tuple((int64, int64)), int64[:,:,::1], int64[::1])",
+        ),
+    )
+)  # fmt: skip
 
 
 def project(scene: Scene, camera: Camera) -> tuple[Array, Array]:
@@ -31,6 +44,7 @@ def project_behind(scene: Scene, camera: Camera, floors: Array, ranks: int) -> t
         memory = np.empty(parts * ranks * columns * rows, np.int64)
     keys = memory[: parts * ranks * columns * rows].reshape(parts, ranks, columns * rows)
     views, blocks = patch_views(scene, camera), scene.blocks
+    BACKGROUND.wait()
     project_patches(blocks.patches, blocks.blocks, blocks.bounds, views, (columns, rows), keys, floors)
     depth, ids = np.empty((ranks, rows, columns), np.float32), np.empty((ranks, rows, columns), np.uint32)
     merge_pictures(keys, columns, depth, ids)

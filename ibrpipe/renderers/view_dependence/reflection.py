@@ -16,7 +16,7 @@ from ibrpipe.core.reflection.picture import ROWS, draw_gloss
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
 from ibrpipe.renderers.pixel_grid import PixelGrid
-from ibrpipe.renderers.scene import Scene
+from ibrpipe.renderers.scene import SHADE_PATCHES, Scene
 from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.renderers.view_dependence.mirror import CLEAR, LIFT, Looks, Surface, look, make_surface, meet_surface
 from ibrpipe.types import Array, Camera, LayeredDepthImage, Texture
@@ -28,6 +28,7 @@ BRIGHTEST = 1.5
 #: what a second process compiles at the first call
 BACKGROUND = BackgroundCompile(
     (
+        SHADE_PATCHES,
         Kernel(
             "reflection.picture", "draw_gloss",
             "(Tuple((float32[:,::1], uint32[:,::1], float32[:,::1])), float32[:,:,::1], "
@@ -38,8 +39,8 @@ BACKGROUND = BackgroundCompile(
             "int32[:,::1])), Tuple((float64[:,:,::1], float32[:,::1], uint8[::1])), float64[::1], int64[::1], "
             "int64[:,::1])",
         ),
-        Kernel("reflection.voxels", "measure_free", "(int32[:,:,::1], float64[:,::1], uint8[:,:,:,::1])"),
-    )
+    ),
+    meanwhile=(Kernel("reflection.voxels", "measure_free", "(int32[:,:,::1], float64[:,::1], uint8[:,:,:,::1])"),),
 )  # fmt: skip
 
 

@@ -13,12 +13,28 @@ from ibrpipe.core.spiral import directions
 from ibrpipe.core.spiral.lookup import shade
 from ibrpipe.core.spiral.shade import add_residuals
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
 from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.types import Array, Camera, SpiralResiduals, Texture
 
 #: entries of the tables from linear light (by its square root) to display code, and back
 CODES = 4096
+
+#: what a second process compiles at the first call
+BACKGROUND = BackgroundCompile(
+    (
+        Kernel(
+            "spiral.shade", "add_residuals",
+            "(float32[:,:,::1], float32[:,::1], float32[:,::1], Tuple((float64[:,::1], float64[:,::1])), "
+            "float64[:,::1], Tuple((float64[:,:,::1], float64[:,::1], float64[:,::1])), "
+            "Tuple((float64[::1], float64[::1], int64[::1], int64[::1])), "
+            "Tuple((float64[::1], float64[::1], uint32[::1], uint32[::1], int64[::1], float64[::1])), "
+            "Tuple((float64[:,::1], float64[:,::1], int64[::1], uint32[::1], float32[::1])), float32[::1], "
+            "float32[::1], int64[::1])",
+        ),
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +102,8 @@ def prepare(textures: Sequence[object]) -> Tables:
     if len(kinds) > 1:
         raise RendererError("some textures hold 8-bit residuals and others linear ones; encode them alike")
     coded = kinds == {np.dtype(np.uint8)}
+    if coded:
+        BACKGROUND.begin()
     edges = np.array([(np.linalg.norm(r.rectangle.a), np.linalg.norm(r.rectangle.b)) for r in found])
     rotations = [
         np.stack([r.rectangle.a / a, r.rectangle.b / b, -r.rectangle.f]) for r, (a, b) in zip(found, edges, strict=True)
@@ -238,6 +256,7 @@ def add(
     eyes = np.einsum("trc,tc->tr", tables.rotations, camera.center - tables.origins)
     lost = np.zeros(numba.get_num_threads(), np.int64)
     frames = tables.rotations @ world_from_pixel, eyes, tables.scales
+    BACKGROUND.wait()
     add_residuals(
         color, depth, known, places, world_from_pixel, frames, *tables.arrays, tables.encode, tables.decode, lost
     )
