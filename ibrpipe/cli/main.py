@@ -42,6 +42,7 @@ TOOLS: Section = {
     "schema": ("ibrpipe.cli.schema:command", "Write the JSON Schemas of files on disk and of renderers' options."),
     "synth": ("ibrpipe.cli.synth:command", "Make a synthetic capture with exact truth, or a scene of many copies."),
     "view": ("ibrpipe.cli.view:command", "Show an asset in the browser, from all sides."),
+    "warm-up": ("ibrpipe.cli.warm_up:command", "Compile what first frames need, so that they do not wait."),
 }
 
 

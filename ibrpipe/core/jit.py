@@ -97,6 +97,12 @@ def _cache_folder(path: str) -> str | None:
     return folder
 
 
+def kept_functions():
+    # -> (folder of all compiled code, how many specialised functions lie there)
+    root = _cache_root()
+    return root, sum(name.endswith(".nbc") for _, _, names in os.walk(root) for name in names)
+
+
 class FolderLocator(UserProvidedCacheLocator):
     """Lets Numba keep compiled code in `numba.config.CACHE_DIR` itself, not below a name made of the source's path."""
 
