@@ -181,10 +181,9 @@ def draw_tiles(tiles, groups, size, slices, texels, triangles, captured, noted, 
         near, face = np.empty(fr.SIDE * fr.SIDE, np.float32), np.empty(fr.SIDE * fr.SIDE, np.int32)
         listed, places = np.empty((fr.FRAGMENTS, 5), np.float32), np.empty(fr.FRAGMENTS, np.int32)
         buckets, order = np.empty(fr.FRAGMENTS, np.int32), np.empty(fr.FRAGMENTS, np.int32)
-        state, found, paint = np.zeros(1, np.int64), np.empty(16, np.int32), np.empty(4)
-        box = np.empty(4, np.int64)
-        counts, fronts = np.empty((3, 16), np.int32), np.empty(16, np.float32)
-        work, partial = (state, found, counts, fronts, paint), (listed, places)
+        state, box = np.zeros(1, np.int64), np.empty(4, np.int64)
+        fronts, owners = np.empty(fr.GRID**2, np.float32), np.empty(fr.GRID**2, np.int32)
+        work, partial = (state, fronts, owners, np.empty(4)), (listed, places)
         block = (index, parts, spots, upper, lower, stopped, affine, gains)
         planes = (limit, red, green, blue, clear, sums)
         for k in range(group, len(tiles), groups):

@@ -16,6 +16,8 @@ from ibrpipe.core.jit import fused, helper
 #: samples along a side of a pixel, and of a tile
 GRID = 4
 SIDE = TILE * GRID
+#: samples of a row that a triangle is tried on at once
+LANES = 16
 #: most fragments of a tile: of triangles, and one a pixel of what other renderers drew
 FRAGMENTS = TILE * TILE * (GRID * GRID + 1)
 
@@ -35,15 +37,15 @@ def cast_triangle(numbers, box, left, top, number, near, face):
         w1 = numbers[3] * x + numbers[4] * y + numbers[5]
         w2 = numbers[6] * x + numbers[7] * y + numbers[8]
         depth = numbers[9] * x + numbers[10] * y + numbers[11]
-        row = j * SIDE
-        for i in range(x0, x1):
-            t = np.float32(i)
-            inside = min(w0 + a0 * t, w1 + a1 * t, w2 + a2 * t)
-            here = depth + slope * t
-            k = np.uint64(row + i)
-            hit = (inside >= np.float32(0.0)) & (here > near[k])
-            near[k] = here if hit else near[k]
-            face[k] = number if hit else face[k]
+        for block in range(x0 // LANES, (x1 - 1) // LANES + 1):
+            k = np.uint64(j * SIDE + block * LANES)
+            for i in range(np.uint64(LANES)):
+                t = np.float32(block * LANES + np.int64(i))
+                inside = min(w0 + a0 * t, w1 + a1 * t, w2 + a2 * t)
+                here = depth + slope * t
+                hit = (inside >= np.float32(0.0)) & (here > near[k + i])
+                near[k + i] = here if hit else near[k + i]
+                face[k + i] = number if hit else face[k + i]
 
 
 @helper
@@ -117,37 +119,36 @@ def touching(first, last, items, numbers, boxes, left, top, kept):
 
 
 @helper
-def split_pixel(j, i, near, face, triangles, counts, depths):
-    # the triangles of a pixel by depth -> triangles (16,) i32, counts, sums of x, sums of y (3, 16) i32, depths (16,):
-    # greatest 1 / depth of each; their number
-    found = 0
+def load_pixel(j, i, near, face, fronts, owners):
+    # samples of a pixel -> fronts (16,) f32: 1 / depth, 0 = nothing; owners (16,) i32: their triangles
     for row in range(GRID):
+        k = (j * GRID + row) * SIDE + i * GRID
         for column in range(GRID):
-            k = (j * GRID + row) * SIDE + i * GRID + column
-            if near[k] > 0.0:
-                n = 0
-                while n < found and triangles[n] != face[k]:
-                    n += 1
-                if n == found:
-                    triangles[n], depths[n] = face[k], near[k]
-                    counts[0, n], counts[1, n], counts[2, n] = 0, 0, 0
-                    found += 1
-                counts[0, n] += 1
-                counts[1, n] += column
-                counts[2, n] += row
-                depths[n] = max(depths[n], near[k])
-    for n in range(1, found):
-        m = n
-        while m > 0 and depths[m - 1] < depths[m]:
-            depths[m - 1], depths[m] = depths[m], depths[m - 1]
-            triangles[m - 1], triangles[m] = triangles[m], triangles[m - 1]
-            for c in range(3):
-                counts[c, m - 1], counts[c, m] = counts[c, m], counts[c, m - 1]
-            m -= 1
-    return found
+            n = row * GRID + column
+            fronts[n], owners[n] = near[k + column], face[k + column]
 
 
 @helper
+def take_nearest(fronts, owners):
+    # takes from a pixel's samples those of the triangle of the nearest one
+    # -> the triangle, -1 where none is left; number, sum of columns, sum of rows of its samples
+    lane = 0
+    for n in range(1, GRID * GRID):
+        lane = n if fronts[n] > fronts[lane] else lane
+    if not fronts[lane] > 0.0:
+        return -1, 0, 0, 0
+    triangle = owners[lane]
+    count, columns, rows = 0, 0, 0
+    for n in range(GRID * GRID):
+        same = (owners[n] == triangle) & (fronts[n] > np.float32(0.0))
+        count += same
+        columns += (n % GRID) * same
+        rows += (n // GRID) * same
+        fronts[n] = np.float32(0.0) if same else fronts[n]
+    return triangle, count, columns, rows
+
+
+@fused
 def sole_triangle(j, i, near, face):
     # the triangle that all samples of a pixel show, -1 where there are several or it is not covered wholly, -2: nothing
     k = j * GRID * SIDE + i * GRID
@@ -163,7 +164,7 @@ def sole_triangle(j, i, near, face):
     return first if same == GRID * GRID else -1
 
 
-@helper
+@fused
 def resolve_pixel(j, i, left, top, samples, triangles, solid, partial, work):
     # one pixel of a tile: of samples near, face and triangles numbers, boxes its opaque fragment to limit, back; the
     # others to listed (FRAGMENTS, 5) f32: red, green, blue, share, depth, and places (FRAGMENTS,) i32, from state[0] on
@@ -171,7 +172,7 @@ def resolve_pixel(j, i, left, top, samples, triangles, solid, partial, work):
     numbers, boxes = triangles
     limit, back = solid
     listed, places = partial
-    state, faces, counts, depths, color = work
+    state, fronts, owners, color = work
     p = j * TILE + i
     sole = sole_triangle(j, i, near, face)
     if sole >= 0:
@@ -182,21 +183,20 @@ def resolve_pixel(j, i, left, top, samples, triangles, solid, partial, work):
                 back[c, p] = color[c]
     if sole != -1:
         return
-    found = split_pixel(j, i, near, face, faces, counts, depths)
+    load_pixel(j, i, near, face, fronts, owners)
     remaining = GRID * GRID
-    for n in range(found):
-        count = counts[0, n]
-        x = left + i + (counts[1, n] / count + 0.5) / GRID
-        y = top + j + (counts[2, n] / count + 0.5) / GRID
-        t = faces[n]
+    while remaining > 0:
+        t, count, columns, rows = take_nearest(fronts, owners)
+        if t < 0:
+            return
+        x = left + i + (columns / count + 0.5) / GRID
+        y = top + j + (rows / count + 0.5) / GRID
         paint(numbers[t], boxes[t], x, y, color)
-        if color[3] >= limit[p]:
-            continue
-        if count == remaining:
+        if color[3] < limit[p] and count == remaining:
             limit[p] = color[3]
             for c in range(3):
                 back[c, p] = color[c]
-        else:
+        elif color[3] < limit[p]:
             at = state[0]
             for c in range(3):
                 listed[at, c] = color[c]
