@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from time import perf_counter, process_time
@@ -51,11 +51,14 @@ def run_forest(
     slicing: Slicing | None = None,
     frames: int = 0,
     alone: bool = False,
+    pixel_error: float | None = None,
 ) -> ForestModel:
     """Measure forests of several sizes from several cameras, and flights of `frames` frames; see `ForestModel`.
 
-    `alone`: only our times, without the peer and without errors.
+    `alone`: only our times, without the peer and without errors. `pixel_error`: the renderer's option, for pictures
+    (flights have it as usual).
     """
+    options = {} if pixel_error is None else {"pixel_error": pixel_error}
     began = perf_counter()
     rows: list[ForestRow] = []
     flights: list[FlightRow] = []
@@ -65,7 +68,7 @@ def run_forest(
         library = _slices(forest(max(count, 50), seed), slicing or Slicing(), libraries)
         peer, note = (None, ALONE) if alone else _peer(scene)
         ours = prepare(PrerenderedScene(scene, library), "hierarchical")
-        rows += [_row(count, view, cameras[view], ours, peer, note, repeats) for view in views]
+        rows += [_row(count, view, cameras[view], ours, peer, note, repeats, options) for view in views]
         flights += [fly(count, frames, ours, peer, size)] if frames > 1 else []
     return ForestModel(
         machine=describe_machine(), width=size[0], height=size[1], seed=seed, library_bytes=library.bytes,
@@ -89,13 +92,20 @@ def _peer(scene: Scene) -> tuple[Peer | None, str]:
 
 
 def _row(
-    trees: int, view: str, camera: Camera, ours: Prepared, peer: Peer | None, note: str, repeats: int
+    trees: int,
+    view: str,
+    camera: Camera,
+    ours: Prepared,
+    peer: Peer | None,
+    note: str,
+    repeats: int,
+    options: Mapping[str, float],
 ) -> ForestRow:
-    frame = render(ours, camera, "hierarchical", ("color", "alpha"))
+    frame = render(ours, camera, "hierarchical", ("color", "alpha"), **options)
     stats = {name: int(frame.stats[name]) for name in ("parts", "slices", "triangles")}
     shots: dict[int, Shot] = {}
     for _ in range(repeats):
-        _keep(shots, 0, our_shot(ours, camera))
+        _keep(shots, 0, our_shot(ours, camera, **options))
         if peer is not None:
             for side in SIDES:
                 _keep(shots, side, peer_shot(peer, camera, side))

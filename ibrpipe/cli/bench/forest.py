@@ -30,6 +30,12 @@ from ibrpipe.cli.show import display
     "--directions", type=click.IntRange(1, 4096), help="Views of a part; 6 = those of the paper. As usual if not given."
 )
 @click.option("--slab-texels", type=click.FloatRange(0.5, 64), help="Thickness of slabs. As usual if not given.")
+@click.option("--finest", type=click.IntRange(2, 64), help="Texels across a part, at most. As usual if not given.")
+@click.option(
+    "--pixel-error",
+    type=click.FloatRange(0.1, 16),
+    help="Greatest width of a texel in the picture, pixels; 1 = the paper's. As usual if not given.",
+)
 @click.option(
     "--flight", type=click.IntRange(2), metavar="FRAMES", help="Fly over each forest: change beyond the truth's."
 )
@@ -49,6 +55,8 @@ def command(
     repeats: int,
     directions: int | None,
     slab_texels: float | None,
+    finest: int | None,
+    pixel_error: float | None,
     flight: int | None,
     growth: Path | None,
     tradeoff: Path | None,
@@ -75,10 +83,12 @@ def command(
     if alone and (tradeoff or flight):
         raise click.UsageError("--alone leaves out errors, which --tradeoff and --flight are about; leave out either")
     sizes, cameras = _numbers(trees), _names(views)
-    given = {"directions": directions, "slab_texels": slab_texels}
+    given = {"directions": directions, "slab_texels": slab_texels, "finest": finest}
     slicing = Slicing(**{name: value for name, value in given.items() if value is not None})  # type: ignore[arg-type]
     with display():
-        model = run_forest(sizes, cameras, seed, repeats, slicing=slicing, frames=flight or 0, alone=alone)
+        model = run_forest(
+            sizes, cameras, seed, repeats, slicing=slicing, frames=flight or 0, alone=alone, pixel_error=pixel_error
+        )
         if tradeoff is not None:
             tried = run_tradeoff(sizes[0], cameras, seed, repeats)
             model = model.model_copy(update={"tradeoffs": tried})

@@ -49,6 +49,13 @@ def test_embree_sees_what_the_polygons_show():
         assert np.abs(ours - picture).mean() < 0.003
 
 
+def test_coarser_texels_need_fewer_slices():
+    counts = [
+        run.run_forest([40], ["far"], **SMALL, alone=True, pixel_error=error).rows[0].slices for error in (0.4, 4.0)
+    ]
+    assert counts[0] > counts[1] > 0
+
+
 def scene_data(scene):
     library = run.prerender_all(run.scene_nodes(scene), Slicing(6, 6.0, 2, 4))
     return run.prepare(run.PrerenderedScene(scene, library), "hierarchical")
