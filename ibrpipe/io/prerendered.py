@@ -132,7 +132,7 @@ def _check_slabs(
     """Raise `FormatError` unless every slab lies within the texels, its stack and its part."""
     count = len(document.parts) * len(document.resolutions) * document.directions
     shaped = (
-        stacks.shape == (count + 1,) and slabs.shape == (document.slabs, 7) and heights.shape == (document.slabs,)
+        stacks.shape == (count + 1,) and slabs.shape == (document.slabs, 7) and heights.shape == (document.slabs, 2)
         and means.shape == (document.slabs, 12) and stacks.dtype == slabs.dtype == np.int64
         and heights.dtype == means.dtype == np.float32 and document.texels < _MOST
     )  # fmt: skip

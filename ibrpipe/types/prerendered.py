@@ -38,8 +38,9 @@ class Prerendered:
     slabs : (S, 7) int64
         u, v, width, height of the texels that are kept, first texel, first texel within the stack where every slab has
         a border of one texel, part. Front to back within a stack.
-    heights : (S,) float32
-        Mean distance from the centre along d, in the part's units.
+    heights : (S, 2) float32
+        Distances from the centre along d, in the part's units: the mean of what is seen, which orders slices, and that
+        of the outline, where the slice is drawn.
     means : (S, 12) float32
         Share of the box that is covered; albedo over `scale`, and moments of the normal, weighted by coverage.
     texels : (N, 12) uint8

@@ -57,6 +57,7 @@ def _surfaces() -> Iterator[CopiesCase]:
     wires = _spread(np.eye(4), (9, 7), 3.2, True)
     yield _case("wires", 4, "wires a sixth of a texel wide", _wires, wires, _look(40.0), side=16)
     yield _case("opaque-sphere", 4, "a ball that nothing may be seen through", _ball, camera=_look(10.0))
+    yield _case("outline", 4, "a ball of two slabs, as wide as it is", _ball, camera=_look(16.0))
     walls = np.stack([placed((3.0 * n - 3.0, 0, 0), turned((1, 0.3 * n, 0.2), 0.4 * n + 0.3)) for n in range(3)])
     yield _case("slanted-walls", 4, "walls at a slant that nothing may be seen through", _wall, walls, _look(32.0))
 

@@ -132,8 +132,8 @@ def lay_slice(plane, texels, slab, turn, clear, sums, rays, work):
 def compose(copies, sphere, axes, lookup, library, fineness, rays, out, heights):
     # copies: parts (C,) i64, matrices (C, 12) f64; sphere (4,) f64 of the parent; axes (D, 3, 3) f64 of views, the same
     # for all; lookup: nearest view; library: spheres (P, 4), resolutions (L,), stacks (T + 1,), slabs (S, 7) i64,
-    # heights (S,), texels (N, 12) u8; fineness: texels of a copy per texel of the parent; rays = q
-    # -> out (D, K, R, R, 12) u8, heights (D, K) f32 as `prefilter` makes them
+    # heights (S, 2), texels (N, 12) u8; fineness: texels of a copy per texel of the parent; rays = q
+    # -> out (D, K, R, R, 12) u8, heights (D, K, 2) f32 as `prefilter` makes them
     parts, matrices = copies
     spheres, resolutions, stacks, slabs, levels, texels = library
     count, resolution = out.shape[1], out.shape[2]
@@ -167,7 +167,7 @@ def compose(copies, sphere, axes, lookup, library, fineness, rays, out, heights)
                 child = spheres[parts[n]]
                 for s in range(stacks[firsts[n]], stacks[firsts[n] + 1]):
                     step, plane = child[3] / across, planes[m]
-                    plane_in_view(matrices[n], sphere, child, axes[views[n]], view, step, across, levels[s], plane)
+                    plane_in_view(matrices[n], sphere, child, axes[views[n]], view, step, across, levels[s, 1], plane)
                     places[m], owners[m, 0], owners[m, 1] = -planes[m, 6], n, s
                     for c in range(2):
                         planes[m, 2 + 3 * c] += half
@@ -185,7 +185,7 @@ def compose(copies, sphere, axes, lookup, library, fineness, rays, out, heights)
             weights[k] += gained
         samples = np.empty(11)
         for k in range(count):
-            heights[direction, k] = totals[k] / weights[k] if weights[k] > 0.0 else np.nan
+            heights[direction, k, :] = totals[k] / weights[k] if weights[k] > 0.0 else np.nan
             for v in range(resolution):
                 for u in range(resolution):
                     if 255.0 * sums[k, v, u, 0] >= 0.5 * rays * rays:

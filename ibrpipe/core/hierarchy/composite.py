@@ -64,10 +64,12 @@ def blend_texels(n, p, parts, upper, lower, gains, depth, planes, stopped):
         a, b, c, d = a >> np.uint32(8), b >> np.uint32(8), c >> np.uint32(8), d >> np.uint32(8)
         odd = (a & mask) * wa + (b & mask) * wb + (c & mask) * wc + (d & mask) * wd
         through = clear[p + i] if limit[p + i] > depth else np.float32(0.0)
+        cover = np.float32(np.int32(odd >> np.uint32(16)))
+        through *= gains[4] - gains[5] * cover  # 1 - (1 - a) ** t, exact where t is 1 or 2
         red[p + i] += through * gains[0] * np.float32(np.int32(even & np.uint32(0xFFFF)))
         blue[p + i] += through * gains[2] * np.float32(np.int32(even >> np.uint32(16)))
         green[p + i] += through * gains[1] * np.float32(np.int32(odd & np.uint32(0xFFFF)))
-        stop = through * gains[3] * np.float32(np.int32(odd >> np.uint32(16)))
+        stop = through * gains[3] * cover
         stopped[i] = stop
         clear[p + i] -= stop
 
@@ -113,7 +115,7 @@ def flush(n, depth, stride, texels, noted, block, planes):
 
 @fused
 def draw_slice(numbers, pixels, depth, texels, left, top, noted, block, planes):
-    # one slice in the tile at left, top; numbers (13,) f64 as in `slices`; texels (N,) u64: pairs of neighbours
+    # one slice in the tile at left, top; numbers (14,) f64 as in `slices`; texels (N,) u64: pairs of neighbours
     index, parts, spots, _, _, _, affine, gains = block
     x0, x1 = max(pixels[0] - left, 0), min(pixels[1] - left, TILE)
     y0, y1 = max(pixels[2] - top, 0), min(pixels[3] - top, TILE)
@@ -123,6 +125,7 @@ def draw_slice(numbers, pixels, depth, texels, left, top, noted, block, planes):
     for c in range(3):
         gains[c] = numbers[9 + c] / 65280.0
     gains[3] = numbers[12] / 65280.0
+    gains[4], gains[5] = numbers[13], (numbers[13] - 1.0) / 65280.0
     n = np.uint64(0)
     for y in range(y0, y1):
         x, row = left + 0.5, top + y + 0.5
@@ -163,7 +166,7 @@ def finish_tile(planes, back):
 @kernel
 def draw_tiles(tiles, groups, size, slices, texels, triangles, captured, noted, color, alpha, depth):
     # tiles (T,) i64: numbers of tiles, dealt to `groups` in turn; size: columns of tiles, width, height
-    # slices: starts (T + 1,) i64, items (E,) i64, numbers (J, 13) f64, pixels (J, 8) i64, depths (J,) f32
+    # slices: starts (T + 1,) i64, items (E,) i64, numbers (J, 14) f64, pixels (J, 8) i64, depths (J,) f32
     # texels (N,) u64: pairs of shaded texels; triangles: starts, items, numbers (F, 21) f32, boxes (F, 4) i64
     # captured: color (H, W, 3), alpha, depth (H, W) f32 of what other renderers drew, or empty
     # noted: whether depth is asked for -> color (H, W, 3) f32, straight; alpha, depth (H, W) f32
@@ -177,7 +180,7 @@ def draw_tiles(tiles, groups, size, slices, texels, triangles, captured, noted, 
         index, parts = np.empty(LANES, np.uint32), np.empty(LANES, np.uint32)
         spots = np.empty(LANES // SPAN, np.int64)
         upper, lower = np.empty(LANES, np.uint64), np.empty(LANES, np.uint64)
-        stopped, affine, gains = np.empty(SPAN, np.float32), np.empty(6), np.empty(4, np.float32)
+        stopped, affine, gains = np.empty(SPAN, np.float32), np.empty(6), np.empty(6, np.float32)
         near, face = np.empty(fr.SIDE * fr.SIDE, np.float32), np.empty(fr.SIDE * fr.SIDE, np.int32)
         listed, places = np.empty((fr.FRAGMENTS, 5), np.float32), np.empty(fr.FRAGMENTS, np.int32)
         buckets, order = np.empty(fr.FRAGMENTS, np.int32), np.empty(fr.FRAGMENTS, np.int32)

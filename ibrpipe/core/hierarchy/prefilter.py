@@ -21,9 +21,10 @@ _X_STEP, _Y_STEP = 0.6180339887, 0.7548776662
 
 
 @helper
-def cast_face(corners, axes, per_unit, half, near, face, number):
+def cast_face(corners, axes, per_unit, half, near, face, far, number):
     # one triangle (3, 3) from the part's centre -> nearest height and face number of every ray in every slab
-    # near (K, S, S) f32, height along d; face (K, S, S) i32; per_unit: rays per unit of length; half: S / 2
+    # near (K, S, S) f32, height along d; face (K, S, S) i32; far (S, S) f32: lowest height of all
+    # per_unit: rays per unit of length; half: S / 2
     slabs, size = near.shape[0], near.shape[1]
     x = np.empty(3)
     y = np.empty(3)
@@ -50,6 +51,7 @@ def cast_face(corners, axes, per_unit, half, near, face, number):
             w2 = ((x[1] - x[0]) * (py - y[0]) - (px - x[0]) * (y[1] - y[0])) / area
             if w1 >= 0.0 and w2 >= 0.0 and w1 + w2 <= 1.0:
                 height = z[0] + w1 * (z[1] - z[0]) + w2 * (z[2] - z[0])
+                far[j, i] = min(far[j, i], height)
                 k = min(max(int((half - height) * slab), 0), slabs - 1)
                 if height > near[k, j, i]:
                     near[k, j, i] = height
@@ -110,6 +112,42 @@ def keep_first(face, rays, rims):
 
 
 @helper
+def drop_other_sides(near, face, thickness):
+    # what a ray hits within `thickness` rays behind its hit in the slab before is the other side of the same thin
+    # thing: slabs hide each other as if by chance, and would count it twice
+    slabs, size = near.shape[0], near.shape[1]
+    for k in range(slabs - 1, 0, -1):
+        for j in range(size):
+            for i in range(size):
+                both = face[k - 1, j, i] >= 0 and face[k, j, i] >= 0
+                if both and near[k - 1, j, i] - near[k, j, i] < thickness:
+                    face[k, j, i] = -1
+
+
+@helper
+def at_rim(far, j, i):
+    # whether a ray has a neighbour that meets nothing, in its row or column
+    last = len(far) - 1
+    if j == 0 or i == 0 or j == last or i == last:
+        return True
+    return max(far[j - 1, i], far[j + 1, i], far[j, i - 1], far[j, i + 1]) == np.inf
+
+
+@helper
+def rim_height(near, face, far, thickness):
+    # mean height of a slab's outline, NaN where it has none: of rays at the rim of the part, halfway to the last that
+    # they meet where that is less than `thickness` behind, as on the two sides of something round
+    total, count = 0.0, 0
+    for j in range(len(far)):
+        for i in range(len(far)):
+            if face[j, i] >= 0 and at_rim(far, j, i):
+                through = near[j, i] - far[j, i]
+                total += near[j, i] - (0.5 * through if through < thickness else 0.0)
+                count += 1
+    return total / count if count > 0 else np.nan
+
+
+@helper
 def mean_texel(samples, count, rays, scale, out):
     # samples (10,) sums of albedo (3), n (3), xx, yy, xy, xz, yz less one -> out (12,) u8
     out[0] = min(int(255.0 * count / rays + 0.5), 255)
@@ -150,12 +188,14 @@ def add_sample(corners, colors, normal, axes, per_unit, half, i, j, samples):
 
 
 @kernel
-def prefilter(corners, colors, normals, axes, radius, rays, scale, reach, out, heights, tops):
+def prefilter(corners, colors, normals, axes, radius, rays, scale, reach, thin, out, heights, tops):
     # corners, colors (F, 3, 3) f32, corners from the centre of the sphere; normals (F, 3) f32 unit; axes (D, 3, 3) f64
     # rows a, b, d; rays = q; scale: 1 / greatest albedo; reach: texels by which a slab goes on into the next one
+    # thin: texels; where slabs do not overlap, what is thinner counts in one slab alone
     # where slabs overlap, a ray at the rim of what is seen counts in the first slab that it hits, and coverage is the
     # share of the rays that slabs before it let through: rims would be too wide if slabs hid each other by chance
-    # out (D, K, R, R, 12) u8, rows along b; heights (D, K) f32: mean along d of what the slab holds, NaN = nothing;
+    # out (D, K, R, R, 12) u8, rows along b; heights (D, K, 2) f32: mean along d of what the slab holds, NaN = nothing,
+    # and the height at which it is drawn: of its outline, where it has one
     # tops (D, K, R, R) f32: the same of every texel, or empty where that is not asked for
     slabs, resolution = out.shape[1], out.shape[2]
     size = resolution * rays
@@ -164,12 +204,15 @@ def prefilter(corners, colors, normals, axes, radius, rays, scale, reach, out, h
     for direction in prange(len(axes)):
         near = np.full((slabs, size, size), -np.inf, np.float32)
         face = np.full((slabs, size, size), -1, np.int32)
+        far = np.full((size, size), np.inf, np.float32)
         for number in range(len(corners)):
-            cast_face(corners[number], axes[direction], per_unit, half, near, face, number)
+            cast_face(corners[number], axes[direction], per_unit, half, near, face, far, number)
         rims, stopped = np.zeros((resolution, resolution), np.bool_), np.zeros((resolution, resolution), np.int64)
         if reach > 0.0:
             extend_slabs(near, face, int(reach * rays))
             keep_first(face, rays, rims)
+        else:
+            drop_other_sides(near, face, thin * rays)
         sums = np.empty(11)
         for k in range(slabs):
             total, weight = 0.0, 0
@@ -192,7 +235,9 @@ def prefilter(corners, colors, normals, axes, radius, rays, scale, reach, out, h
                         stopped[v, u] += count if rims[v, u] else 0
                         if tops.size > 0:
                             tops[direction, k, v, u] = (total - before) / count / per_unit
-            heights[direction, k] = total / weight / per_unit if weight > 0 else np.nan
+            heights[direction, k, 0] = total / weight / per_unit if weight > 0 else np.nan
+            outline = rim_height(near[k], face[k], far, size / slabs) / per_unit
+            heights[direction, k, 1] = outline if outline == outline else heights[direction, k, 0]
 
 
 @kernel

@@ -1,13 +1,14 @@
 """Where the slices of drawn parts lie in the picture.
 
 A slice is a plane across its part: pixel (x, y) sees its texel (u, v) by a homography, the inverse of the matrix with
-columns K M a, K M b, K (M (c + h d) + t); a, b: one texel, d: towards the viewer, h: the slab's mean height.
+columns K M a, K M b, K (M (c + h d) + t); a, b: one texel, d: towards the viewer, h: height of the slab's outline.
 
 A part narrower than a pixel is drawn a pixel wide, and covers as much less: pixels' middles would miss it, or not, by
 chance.
 
-A slice's numbers are (13,) f64: rows of u w, v w, w over (x, y, 1), then its gains of red, green, blue, coverage; and
-(8,) i64: first and last column and row (exclusive), first shaded texel, width, height, 0.
+A slice's numbers are (14,) f64: rows of u w, v w, w over (x, y, 1), its gains of red, green, blue, coverage, and how
+much thicker it is seen than it was made; and (8,) i64: first and last column and row (exclusive), first shaded texel,
+width, height, 0.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from ibrpipe.core.jit import helper, kernel
 
 #: cells along a side of the octahedral map of light directions
 BINS = 16
+#: cosines below which a slab is not thickened, and what spread normals gain that are seen less at a slant
+_LEAST_COSINE, _UNSEEN = 0.05, 16.0 / 9.0
 
 
 @kernel
@@ -116,14 +119,19 @@ def invert_pose(pose, out):
 
 
 @helper
+def quadratic(moments, x, y, z):
+    # mean of (n.v) ** 2 over the normals of a slab, for v = (x, y, z)
+    xx, yy = moments[7], moments[8]
+    total = xx * x * x + yy * y * y + max(1.0 - xx - yy, 0.0) * z * z
+    return total + 2.0 * (moments[9] * x * y + moments[10] * x * z + moments[11] * y * z)
+
+
+@helper
 def normal_stretch(inverse, moments):
     # root mean square length of normals under the inverse transpose of M; 1 / scale of a similarity
     total = 0.0
-    xx, yy, xy, xz, yz = moments[7], moments[8], moments[9], moments[10], moments[11]
-    zz = max(1.0 - xx - yy, 0.0)
     for axis in range(3):
-        x, y, z = inverse[0, axis], inverse[1, axis], inverse[2, axis]
-        total += xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
+        total += quadratic(moments, inverse[0, axis], inverse[1, axis], inverse[2, axis])
     return math.sqrt(max(total, 1e-300))
 
 
@@ -150,19 +158,48 @@ def widening(pose, sphere, focal):
     return max(z / (2.0 * stretch(pose) * sphere[3] * focal), 1.0)
 
 
+@helper
+def eye_direction(pose, sphere, out):
+    # -> out (3,): unit direction from the middle of a part to the eye, in the part's coordinates
+    x, y, z = solve(pose, determinant(pose), -pose[3], -pose[7], -pose[11])
+    x, y, z = x - sphere[0], y - sphere[1], z - sphere[2]
+    length = math.sqrt(x * x + y * y + z * z)
+    out[0], out[1], out[2] = x / length, y / length, z / length
+
+
+@helper
+def thickening(eye, d, moments):
+    # optical depth of a slab seen from `eye` over that seen along d, both (3,) unit; moments (12,) of what is seen
+    # along d. Surfaces are seen as wide as n.eye instead of n.d, on a slice as narrow as d.eye. The mean of
+    # (n.eye / n.d) ** 2 over surfaces is taken from m = mean n and S = mean n n^T: with a = eye across d it is
+    # cos^2 + 2 sin cos m.a / m.d + sin^2 S.aa / (m.d)^2, the last term raised by what is seen at a slant and so is
+    # seen less: by 16/9 where normals lie in all directions (S.dd = 1/2), not at all where all are d (S.dd = 1)
+    cosine = min(eye[0] * d[0] + eye[1] * d[1] + eye[2] * d[2], 1.0)
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+    facing = moments[4] * d[0] + moments[5] * d[1] + moments[6] * d[2]
+    if sine < 1e-6 or cosine < _LEAST_COSINE or facing < _LEAST_COSINE:
+        return 1.0
+    x, y, z = (eye[0] - cosine * d[0]) / sine, (eye[1] - cosine * d[1]) / sine, (eye[2] - cosine * d[2]) / sine
+    aside = (moments[4] * x + moments[5] * y + moments[6] * z) / facing
+    slant = _UNSEEN - (_UNSEEN - 1.0) * (2.0 * quadratic(moments, d[0], d[1], d[2]) - 1.0)
+    spread = slant * quadratic(moments, x, y, z) / (facing * facing)
+    square = cosine * cosine + 2.0 * sine * cosine * aside + sine * sine * spread
+    return min(max(math.sqrt(max(square, 0.0)) / cosine, 0.5), 2.0)
+
+
 @kernel
 def place_slices(draws, poses, tables, slabs, heights, means, view, lights, lighting, numbers, pixels, depths):
     # draws (I, 6) i64: node, choice, first slab, first slice, first shaded texel, key of the lights
     # poses (I, 12) f64; tables: spheres (P, 4), axes (D, 3, 3), resolutions (L,), peaks (I,), stacks (T + 1,) i64
-    # slabs (S, 7) i64 as in `shade`; heights (S,) f32; means (S, 12) f32
+    # slabs (S, 7) i64 as in `shade`; heights (S, 2) f32; means (S, 12) f32
     # view: calibration (3, 3) f64, size (2,) f64; lights (N, 3) f64 in the camera's frame; lighting as in `shade`
-    # -> numbers (J, 13) f64, pixels (J, 8) i64, depths (J,) f32; a slice beyond the picture has no columns
+    # -> numbers (J, 14) f64, pixels (J, 8) i64, depths (J,) f32; a slice beyond the picture has no columns
     spheres, axes, resolutions, peaks, counts = tables
     calibration, limits = view
     focal = max(calibration[0, 0], calibration[1, 1])
     for i in prange(len(draws)):
         node, level, direction = draws[i, 0], draws[i, 1] >> 16, draws[i, 1] & 0xFFFF
-        forward, camera, gains = np.empty(9), np.empty(9), np.empty(3)
+        forward, camera, gains, eye = np.empty(9), np.empty(9), np.empty(3), np.empty(3)
         bins, inverse = np.empty((len(lights), 3)), np.empty((3, 3))
         work = (np.empty((len(lights), 3)), np.empty(3), np.empty(3))
         invert_pose(poses[i], inverse)
@@ -171,10 +208,11 @@ def place_slices(draws, poses, tables, slabs, heights, means, view, lights, ligh
         wider = widening(poses[i], spheres[node], focal)
         texel, share = wider * spheres[node, 3] / half, 1.0 / (wider * wider)
         d = axes[direction, 2]
+        eye_direction(poses[i], spheres[node], eye)
         for n in range(counts[i]):
             s, j = draws[i, 2] + n, draws[i, 3] + n
             image_of_plane(
-                poses[i], calibration, spheres[node], axes[direction], texel, half, heights[s], camera, forward
+                poses[i], calibration, spheres[node], axes[direction], texel, half, heights[s, 1], camera, forward
             )
             u, v, width, height = slabs[s, 0], slabs[s, 1], slabs[s, 2], slabs[s, 3]
             found = box_of(forward, u, v, width, height, limits, pixels[j]) and invert(forward, numbers[j])
@@ -187,9 +225,10 @@ def place_slices(draws, poses, tables, slabs, heights, means, view, lights, ligh
             for c in range(3):
                 numbers[j, 9 + c] = gains[c] * peaks[i] * share
             numbers[j, 12] = share
+            numbers[j, 13] = thickening(eye, d, means[s])
             pixels[j, 4] = draws[i, 4] + slabs[s, 5]
             pixels[j, 5], pixels[j, 6], pixels[j, 7] = width, height, 0
-            x = spheres[node, 0] + heights[s] * d[0]
-            y = spheres[node, 1] + heights[s] * d[1]
-            z = spheres[node, 2] + heights[s] * d[2]
+            x = spheres[node, 0] + heights[s, 0] * d[0]
+            y = spheres[node, 1] + heights[s, 0] * d[1]
+            z = spheres[node, 2] + heights[s, 0] * d[2]
             depths[j] = poses[i, 8] * x + poses[i, 9] * y + poses[i, 10] * z + poses[i, 11]

@@ -25,7 +25,7 @@ SliceList = tuple[Array, Array, Array]
 
 
 def place(library: Prerendered, shaded: ShadedSlices, rows: Array, chosen: Selection, view: View) -> SliceList:
-    """Return numbers (J, 13), pixels (J, 8), depths (J,) of all slices; `rows` (P,): nodes as the library's parts."""
+    """Return numbers (J, 14), pixels (J, 8), depths (J,) of all slices; `rows` (P,): nodes as the library's parts."""
     parts = rows[chosen.slice_nodes]
     levels, directions = len(library.resolutions), len(library.axes)
     keys = np.empty((len(parts), 2), np.int64)
@@ -36,7 +36,7 @@ def place(library: Prerendered, shaded: ShadedSlices, rows: Array, chosen: Selec
     counts = library.stacks[keys[:, 0] + 1] - begin
     total = int(counts.sum())
     draws = np.stack([parts, chosen.choices, begin, np.cumsum(counts) - counts, firsts, keys[:, 1]], axis=1)
-    numbers, pixels = np.empty((total, 13)), np.empty((total, 8), np.int64)
+    numbers, pixels = np.empty((total, 14)), np.empty((total, 8), np.int64)
     depths = np.empty(total, np.float32)
     tables = (library.spheres, library.axes, library.resolutions, peaks, counts)
     with limited_threads(0 if total > FEW else 1):

@@ -62,10 +62,10 @@ def _spheres(library: Prerendered) -> list[tuple[str, Array]]:
 def _samples(corners: Array, paints: Array, sphere: Array, axes: Array) -> tuple[Array, Array, Array]:
     scale = max(float(paints.max(initial=0.0)), 1e-6)
     dense = np.zeros((6, SLABS, RESOLUTION, RESOLUTION, kernels.TEXEL), np.uint8)
-    heights, tops = np.empty((6, SLABS), np.float32), np.full(dense.shape[:4], np.nan, np.float32)
+    heights, tops = np.empty((6, SLABS, 2), np.float32), np.full(dense.shape[:4], np.nan, np.float32)
     kernels.prefilter(
         (corners - sphere[:3]).astype(np.float32), np.ascontiguousarray(paints), face_normals_of(corners), axes,
-        sphere[3], 1, 1.0 / scale, 0.0, dense, heights, tops,
+        sphere[3], 1, 1.0 / scale, 0.0, 0.0, dense, heights, tops,
     )  # fmt: skip
     view, _, v, u = np.nonzero(dense[..., 0])
     texel = dense[dense[..., 0] > 0].astype(np.float32)

@@ -25,6 +25,8 @@ MOST_POLYGONS = 250_000
 FINENESS, COMPOSED_RAYS = 1.4, 2
 #: texels across a part up to which there are more rays a texel: as many across the part as here
 FINE_RAYS = 16
+#: texels: what is thinner counts in one slab alone
+THIN = 1.0
 #: directions that choices of the traversal can name; texels of a library, and of a part at one resolution
 MOST_DIRECTIONS, MOST_TEXELS = (1 << 16) - 1, 1 << 31
 
@@ -165,7 +167,7 @@ def _compose_node(
         count = slicing.slabs(int(resolution))
         rays = COMPOSED_RAYS if resolution > 8 else 2 * COMPOSED_RAYS
         dense = np.zeros((len(axes), count, resolution, resolution, kernels.TEXEL), np.uint8)
-        levels = np.empty((len(axes), count), np.float32)
+        levels = np.empty((len(axes), count, 2), np.float32)
         compose(copies, spheres[part], axes, lookup, given, FINENESS, rays, dense, levels)
         found.append(packed_stacks(part, dense, levels))
     return found
@@ -203,7 +205,9 @@ def _slice_node(
     for resolution in resolutions:
         slabs, rays = slicing.slabs(resolution), max(slicing.rays, -(-FINE_RAYS * slicing.rays // resolution))
         dense = np.zeros((len(axes), slabs, resolution, resolution, kernels.TEXEL), np.uint8)
-        heights = np.empty((len(axes), slabs), np.float32)
-        kernels.prefilter(local, paints, normals, axes, sphere[3], rays, 1.0 / scale, overlap, dense, heights, tops)
+        heights = np.empty((len(axes), slabs, 2), np.float32)
+        kernels.prefilter(
+            local, paints, normals, axes, sphere[3], rays, 1.0 / scale, overlap, THIN, dense, heights, tops
+        )
         found.append(packed_stacks(part, dense, heights))
     return found

@@ -12,7 +12,7 @@ from ibrpipe.types import Array
 
 @dataclass(frozen=True)
 class Stacks:
-    """Slices of one part at one resolution: boxes (D, K, 4), heights (D, K), means (D, K, 12), texels (N, 12)."""
+    """Slices of one part at one resolution: boxes (D, K, 4), heights (D, K, 2), means (D, K, 12), texels (N, 12)."""
 
     part: int
     boxes: Array
@@ -22,7 +22,7 @@ class Stacks:
 
 
 def packed_stacks(part: int, dense: Array, heights: Array) -> Stacks:
-    """Keep of dense texels (D, K, R, R, 12) what covers something; heights (D, K)."""
+    """Keep of dense texels (D, K, R, R, 12) what covers something; heights (D, K, 2)."""
     boxes = np.empty((*dense.shape[:2], 4), np.int32)
     kernels.trim(dense, boxes)
     sizes = boxes[..., 2].astype(np.int64) * boxes[..., 3]
@@ -60,7 +60,7 @@ def join_stacks(stacks: list[Stacks], directions: int) -> tuple[Array, Array, Ar
     return (
         np.cumsum(np.concatenate(counts), dtype=np.int64),
         np.concatenate([np.zeros((0, 7), np.int64), *slabs]).astype(np.int64),
-        np.concatenate([np.zeros(0, np.float32), *heights]),
+        np.concatenate([np.zeros((0, 2), np.float32), *heights]),
         np.concatenate([np.zeros((0, 12), np.float32), *means]),
         np.concatenate([np.zeros((0, 12), np.uint8), *texels]),
     )

@@ -33,9 +33,9 @@ def library():
     for resolution in RESOLUTIONS:
         slabs = max(1, resolution // 2)
         dense = np.zeros((len(AXES), slabs, resolution, resolution, 12), np.uint8)
-        heights = np.empty((len(AXES), slabs), np.float32)
+        heights = np.empty((len(AXES), slabs, 2), np.float32)
         prefilter.prefilter(
-            corners, paints, normals, AXES, 1.0, 3, 1.0, 0.0, dense, heights, np.empty((0,) * 4, np.float32)
+            corners, paints, normals, AXES, 1.0, 3, 1.0, 0.0, 0.0, dense, heights, np.empty((0,) * 4, np.float32)
         )
         found.append(packed_stacks(0, dense, heights))
     stacks, slabs, heights, _, texels = join_stacks(found, len(AXES))
@@ -79,8 +79,8 @@ def twin(matrices, sphere, axes, given, fineness, rays, slabs, resolution):
         level = int(np.flatnonzero(need <= RESOLUTIONS)[0]) if need <= RESOLUTIONS[-1] else len(RESOLUTIONS) - 1
         stack = level * len(AXES) + view
         for s in range(stacks[stack], stacks[stack + 1]):
-            point = matrix @ np.append(spheres[0, :3] + heights[s] * AXES[view, 2], 1.0) - sphere[:3]
-            met.append((float(point @ d), matrix, view, RESOLUTIONS[level], rows[s], float(heights[s])))
+            point = matrix @ np.append(spheres[0, :3] + heights[s, 1] * AXES[view, 2], 1.0) - sphere[:3]
+            met.append((float(point @ d), matrix, view, RESOLUTIONS[level], rows[s], float(heights[s, 1])))
     met.sort(key=lambda each: -each[0])
     size, unit = resolution * rays, 2 * sphere[3] / (resolution * rays)
     sums, clear = np.zeros((slabs, resolution, resolution, 12)), np.ones((slabs, size, size))
@@ -118,7 +118,7 @@ MATRICES = np.stack(
 def test_texels_equal_the_average_of_slices_met_by_rays(resolution):
     given, sphere, rays, slabs = library(), np.array([0.0, 0.1, 0.0, 1.5]), 2, 2
     dense = np.zeros((len(AXES), slabs, resolution, resolution, 12), np.uint8)
-    heights = np.empty((len(AXES), slabs), np.float32)
+    heights = np.empty((len(AXES), slabs, 2), np.float32)
     table = nearest_table(AXES)
     copies = (np.zeros(3, np.int64), MATRICES)
     compose.compose(copies, sphere, AXES, table, given, 1.4, rays, dense, heights)
@@ -133,14 +133,14 @@ def test_texels_equal_the_average_of_slices_met_by_rays(resolution):
         np.testing.assert_allclose((found[:, 4:7] - 128) / 127, mean[:, 3:6], atol=0.52 / 127)
         np.testing.assert_allclose(found[:, 7:9] / 255, mean[:, 6:8], atol=0.52 / 255)
         np.testing.assert_allclose((found[:, 9:12] - 128) / 254, mean[:, 8:11], atol=0.52 / 254)
-        np.testing.assert_allclose(heights[view], depths, atol=1e-5)
+        np.testing.assert_allclose(heights[view, :, 0], depths, atol=1e-5)
 
 
 def test_flat_copies_and_parts_without_copies_are_empty():
     given, sphere = library(), np.array([0.0, 0.0, 0.0, 1.0])
     flat = np.column_stack([np.diag([1.0, 1.0, 0.0]), np.zeros(3)]).reshape(1, 12)
     for matrices in (flat, np.zeros((0, 12))):
-        dense, heights = np.zeros((len(AXES), 1, 4, 4, 12), np.uint8), np.empty((len(AXES), 1), np.float32)
+        dense, heights = np.zeros((len(AXES), 1, 4, 4, 12), np.uint8), np.empty((len(AXES), 1, 2), np.float32)
         copies = (np.zeros(len(matrices), np.int64), matrices)
         compose.compose(copies, sphere, AXES, nearest_table(AXES), given, 1.4, 2, dense, heights)
         assert not dense.any()

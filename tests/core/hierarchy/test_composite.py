@@ -14,7 +14,7 @@ K = np.array([[60.0, 0.0, 22.0], [0.0, 62.0, 19.0], [0.0, 0.0, 1.0]])
 def random_slices(count, seed):
     """Numbers, pixels, depths, and the texels of random slices."""
     rng = np.random.default_rng(seed)
-    texels, numbers, pixels = [np.zeros(3, np.uint32)], np.empty((count, 13)), np.zeros((count, 8), np.int64)
+    texels, numbers, pixels = [np.zeros(3, np.uint32)], np.empty((count, 14)), np.zeros((count, 8), np.int64)
     at = 3
     for n in range(count):
         width, height = rng.integers(3, 9, 2)
@@ -28,7 +28,7 @@ def random_slices(count, seed):
         x, y = rng.uniform(5, WIDTH - 5), rng.uniform(5, HEIGHT - 5)
         numbers[n] = (
             c, s, width / 2 + 0.5 - c * x - s * y, -s, c, height / 2 + 0.5 + s * x - c * y, 0, 0, 1,
-            *rng.uniform(0.2, 1.5, 3), rng.uniform(0.6, 1.0),
+            *rng.uniform(0.2, 1.5, 3), rng.uniform(0.6, 1.0), rng.uniform(0.6, 2.0),
         )  # fmt: skip
         reach = 0.75 * (width + height + 2) / zoom
         pixels[n, :4] = max(x - reach, 0), min(x + reach, WIDTH), max(y - reach, 0), min(y + reach, HEIGHT)
@@ -96,7 +96,8 @@ def slice_texel(number, pixel, texels, x, y):
         weight = (u - i if di else 1 - u + i) * (v - j if dj else 1 - v + j)
         code = int(grid[j + dj, i + di])
         total += weight * np.array([code & 255, code >> 8 & 255, code >> 16 & 255, code >> 24])
-    return total / 255 * number[9:]
+    total /= 255
+    return total * number[9:13] * (number[13] - (number[13] - 1) * total[3])
 
 
 def pixel_fragments(corners, paints, x, y):

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from ibrpipe.core.hierarchy import prefilter
+from ibrpipe.renderers.hierarchical.prefiltering import face_normals_of
+from ibrpipe.synthetic.instanced.solids import painted_ball
 
 NO_TOPS = np.empty((0, 0, 0, 0), np.float32)
 
@@ -53,6 +55,12 @@ def twin(corners, paints, normals, axes, radius, rays, slabs, resolution, reach)
         for i in range(size):
             for hit in reversed(hits_of_ray(corners, axes, radius, size, i, j)):
                 own[min(max(int((radius - hit[0]) / (2 * radius) * slabs), 0), slabs - 1), j, i] = hit
+    if reach == 0:
+        texel = 2 * radius / resolution
+        first = own.copy()
+        for k, j, i in np.ndindex(slabs - 1, size, size):
+            if first[k, j, i] and first[k + 1, j, i] and first[k, j, i][0] - first[k + 1, j, i][0] < texel:
+                own[k + 1, j, i] = None  # the other side of something thin
     shown, passed = own.copy(), np.full((resolution, resolution), rays**2)
     for k in range(slabs - 1):
         for j in range(size):
@@ -93,9 +101,9 @@ def near_a_hit(hits, j, i, reach):
 def test_texels_equal_the_rays_average(reach):
     corners, paints, normals = soup(16)
     axes = np.stack([axes_of((0.3, -0.5, 0.8)), axes_of((1, 0, 0))])
-    dense, heights = np.zeros((2, 2, 4, 4, 12), np.uint8), np.empty((2, 2), np.float32)
+    dense, heights = np.zeros((2, 2, 4, 4, 12), np.uint8), np.empty((2, 2, 2), np.float32)
     tops = np.full((2, 2, 4, 4), np.nan, np.float32)
-    prefilter.prefilter(corners, paints, normals, axes, 1.8, 3, 1.0, reach, dense, heights, tops)
+    prefilter.prefilter(corners, paints, normals, axes, 1.8, 3, 1.0, reach, 1.0, dense, heights, tops)
     np.testing.assert_array_equal(np.isfinite(tops), dense[..., 0] > 0)
     for d in range(2):
         cover, moments, depth = twin(corners, paints, normals, axes[d], 1.8, 3, 2, 4, reach)
@@ -107,7 +115,7 @@ def test_texels_equal_the_rays_average(reach):
         np.testing.assert_allclose((found[:, 4:7] - 128) / 127, moments[there][:, 3:6], atol=0.52 / 127)
         np.testing.assert_allclose(found[:, 7:9] / 255, moments[there][:, 6:8], atol=0.52 / 255)
         np.testing.assert_allclose((found[:, 9:12] - 128) / 254, moments[there][:, 8:11], atol=0.52 / 254)
-        np.testing.assert_allclose(heights[d], depth, atol=1e-5)
+        np.testing.assert_allclose(heights[d, :, 0], depth, atol=1e-5)
 
 
 def test_overlapping_slabs_of_a_wall_hide_what_is_behind():
@@ -121,10 +129,10 @@ def test_overlapping_slabs_of_a_wall_hide_what_is_behind():
     normal = np.array([[-1, 0, 1], [-1, 0, 1]]) / np.sqrt(2)
     leak = {}
     for reach in (0.0, 1.0):
-        dense, heights = np.zeros((1, 2, 7, 7, 12), np.uint8), np.empty((1, 2), np.float32)
+        dense, heights = np.zeros((1, 2, 7, 7, 12), np.uint8), np.empty((1, 2, 2), np.float32)
         prefilter.prefilter(
             square.astype(np.float32), np.ones((2, 3, 3), np.float32), normal.astype(np.float32), np.eye(3)[None], 0.7,
-            4, 1.0, reach, dense, heights, NO_TOPS,
+            4, 1.0, reach, 0.0, dense, heights, NO_TOPS,
         )  # fmt: skip
         inner = dense[0, :, 2:5, 2:5, 0] / 255.0
         leak[reach] = float(((1 - inner[0]) * (1 - inner[1])).max())
@@ -138,14 +146,15 @@ def test_a_wire_thinner_than_a_texel_covers_its_share():
         half = 0.008
         quad = [-along - half * across, along - half * across, along + half * across, -along + half * across]
         corners = np.array([[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]], np.float32)
-        dense, heights = np.zeros((1, 1, 8, 8, 12), np.uint8), np.empty((1, 1), np.float32)
+        dense, heights = np.zeros((1, 1, 8, 8, 12), np.uint8), np.empty((1, 1, 2), np.float32)
         normals = np.tile(np.array([0, 0, 1], np.float32), (2, 1))
         prefilter.prefilter(
-            corners, np.ones((2, 3, 3), np.float32), normals, np.eye(3)[None], 1.0, 8, 1.0, 0.0, dense, heights, NO_TOPS
-        )
+            corners, np.ones((2, 3, 3), np.float32), normals, np.eye(3)[None], 1.0, 8, 1.0, 0.0, 0.0, dense, heights,
+            NO_TOPS,
+        )  # fmt: skip
         wanted = 2 * 2 * half / 4 * 64
         assert abs(dense[0, 0, ..., 0].sum() / 255 - wanted) < 0.35 * wanted
-        assert heights[0, 0] == 0
+        assert heights[0, 0, 0] == 0
 
 
 def test_boxes_and_packed_texels_are_those_that_cover():
@@ -168,3 +177,39 @@ def test_boxes_and_packed_texels_are_those_that_cover():
     np.testing.assert_allclose(means[0, 1, 0], weight.mean() / 255, rtol=1e-5)
     np.testing.assert_allclose(means[0, 1, 1], (weight * (texels[:6, 1] / 255.0) ** 2).sum() / weight.sum(), rtol=1e-5)
     assert (means[0, 0] == 0).all()
+
+
+@pytest.mark.parametrize("slabs", [1, 2, 3])
+def test_a_ball_is_drawn_where_its_outline_is(slabs):
+    ball = painted_ball(1.0, (1, 1, 1), 24).mesh
+    corners = ball.vertices[ball.faces].astype(np.float32)
+    normals = face_normals_of(corners)
+    dense, heights = np.zeros((1, slabs, 8, 8, 12), np.uint8), np.empty((1, slabs, 2), np.float32)
+    prefilter.prefilter(
+        corners, np.ones_like(corners), normals, np.eye(3)[None], 1.01, 8, 1.0, 0.0, 1.0, dense, heights, NO_TOPS
+    )
+    middle = (slabs - 1) // 2
+    assert heights[0, middle, 1] == pytest.approx(0.0, abs=0.02)
+    assert heights[0, middle, 0] > 0.1  # the front of it is seen, which is nearer
+    if slabs == 3:
+        assert heights[0, 0, 1] == heights[0, 0, 0]  # a cap before it, without an outline
+
+
+def test_an_outline_is_that_of_rays_next_to_nothing():
+    corners, paints, normals = soup(16)
+    axes = axes_of((0.3, -0.5, 0.8))
+    size, slabs, radius = 12, 2, 1.8
+    dense, heights = np.zeros((1, slabs, 4, 4, 12), np.uint8), np.empty((1, slabs, 2), np.float32)
+    prefilter.prefilter(corners, paints, normals, axes[None], radius, 3, 1.0, 0.0, 0.0, dense, heights, NO_TOPS)
+    hits = [[hits_of_ray(corners, axes, radius, size, i, j) for i in range(size)] for j in range(size)]
+    found = [[], []]
+    for j, i in np.ndindex(size, size):
+        around = [(j - 1, i), (j + 1, i), (j, i - 1), (j, i + 1)]
+        if all(0 <= y < size and 0 <= x < size and hits[y][x] for y, x in around):
+            continue
+        for k in range(slabs):
+            near = [hit[0] for hit in hits[j][i] if int((radius - hit[0]) / (2 * radius) * slabs) == k]
+            if near:
+                through = near[0] - hits[j][i][-1][0]
+                found[k].append(near[0] - (through / 2 if through < 2 * radius / slabs else 0))
+    np.testing.assert_allclose(heights[0, :, 1], [np.mean(each) for each in found], atol=1e-5)

@@ -28,20 +28,20 @@ def place(pose, lights=(), lighting=((1, 1, 1),), bins=0):
         np.array([0.5], np.float32),
         np.array([1]),
     )
-    numbers, pixels, depths = np.empty((1, 13)), np.empty((1, 8), np.int64), np.empty(1, np.float32)
+    numbers, pixels, depths = np.empty((1, 14)), np.empty((1, 8), np.int64), np.empty(1, np.float32)
     slabs, means = np.array([[*SLAB, 40, 6, 0]]), np.zeros((1, 12), np.float32)
     means[0, 4:] = 0, 0, 1, 0, 0, 0, 0, 0
     slices.place_slices(
-        draws, pose[None], tables, slabs, np.array([0.4], np.float32), means, (K, np.array([320.0, 240.0])),
+        draws, pose[None], tables, slabs, np.array([[0.3, 0.4]], np.float32), means, (K, np.array([320.0, 240.0])),
         np.array(lights, float).reshape(-1, 3), np.array(lighting, float), numbers, pixels, depths,
     )  # fmt: skip
     return numbers[0], pixels[0], depths[0]
 
 
-def project(pose, u, v):
+def project(pose, u, v, height=0.4):
     """Pixel and depth of texel coordinates u, v of the slab's grid."""
     a, b, d = view_axes(8)[3]
-    point = np.array([0.1, 0.2, -0.1]) + 0.4 * d + 0.25 * ((u - 8) * a + (v - 8) * b)
+    point = np.array([0.1, 0.2, -0.1]) + height * d + 0.25 * ((u - 8) * a + (v - 8) * b)
     camera = pose.reshape(3, 4) @ (*point, 1)
     pixel = K @ camera
     return pixel[0] / pixel[2], pixel[1] / pixel[2], camera[2]
@@ -61,7 +61,7 @@ def test_pixels_find_their_texels(seed, mirrored):
             assert (numbers[3] * x + numbers[4] * y + numbers[5]) / w == pytest.approx(v - 5 + 0.5, abs=1e-5)
             assert pixels[0] <= x <= pixels[1]
             assert pixels[2] <= y <= pixels[3]
-    assert depth == pytest.approx(project(pose, 8, 8)[2])
+    assert depth == pytest.approx(project(pose, 8, 8, 0.3)[2])
     assert pixels[4:7].tolist() == [106, 7, 4]
     np.testing.assert_allclose(numbers[9:12], 0.5)
     assert numbers[12] == 1.0
@@ -125,3 +125,41 @@ def test_normals_go_by_the_inverse_transpose():
     slices.light_gains(inverse, light, bins, lighting, moments, work, out)
     true = np.array([0.25, 0, 1]) / np.linalg.norm([0.25, 0, 1])
     assert out[0] * np.sqrt(0.5) == pytest.approx(true @ light[0], rel=1e-3)
+
+
+def seen_moments(normals, weights, d):
+    """Moments (12,) of surfaces (N, 3) of sizes (N,) as they are seen along d, turned to the viewer."""
+    turned = normals * np.sign(normals @ d)[:, None]
+    share = weights * np.abs(normals @ d)
+    share /= share.sum()
+    mean, square = share @ turned, np.einsum("n,ni,nj->ij", share, turned, turned)
+    return np.array([1, 0, 0, 0, *mean, square[0, 0], square[1, 1], square[0, 1], square[0, 2], square[1, 2]])
+
+
+def cap(count, half_angle):
+    """Normals (N, 3) evenly over a cap around z."""
+    rng = np.random.default_rng(0)
+    z, turn = rng.uniform(np.cos(half_angle), 1, count), rng.uniform(0, 2 * np.pi, count)
+    r = np.sqrt(1 - z**2)
+    return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("half_angle", "atol"), [(1e-3, 1e-3), (0.6, 0.1), (np.pi / 2, 0.02)], ids=["a wall", "a bush", "all directions"]
+)
+def test_slabs_are_as_much_thicker_at_a_slant_as_their_surfaces_are(half_angle, atol):
+    d = np.array([0.0, 0.0, 1.0])
+    normals = cap(40000, half_angle)
+    moments = seen_moments(normals, np.ones(len(normals)), d)
+    for angle in (0.0, 0.3, 0.6, 0.9):
+        eye = np.array([np.sin(angle), 0.0, np.cos(angle)])
+        wanted = np.abs(normals @ eye).sum() / np.abs(normals @ d).sum() / np.cos(angle)
+        assert slices.thickening(eye, d, moments) == pytest.approx(wanted, abs=atol)
+
+
+def test_the_eye_is_seen_from_the_middle_of_a_part():
+    pose, sphere, out = pose_of(2), np.array([0.1, 0.2, -0.1, 2.0]), np.empty(3)
+    slices.eye_direction(pose, sphere, out)
+    matrix = pose.reshape(3, 4)
+    wanted = np.linalg.solve(matrix[:, :3], -matrix[:, 3]) - sphere[:3]
+    np.testing.assert_allclose(out, wanted / np.linalg.norm(wanted), atol=1e-12)
