@@ -43,6 +43,7 @@ from ibrpipe.io.documents.texture_errors import TextureErrors
 from ibrpipe.io.frames import read_frames
 from ibrpipe.io.surfaces.meshes import read_mesh, read_vertex_values
 from ibrpipe.io.views import PHOTOMETRY, ViewSet, read_views, spread
+from ibrpipe.stages.embedded_page import embedded_page
 from ibrpipe.types import Asset, Camera, Mesh
 
 
@@ -74,6 +75,7 @@ class EvaluateConfig(StageConfig):
     surface_samples: int = Field(60_000, ge=1000, le=10_000_000, description="Points on either surface")
     surface_views: int = Field(3, ge=0, le=100, description="Views of a reconstructed surface that the report shows")
     picture_width: int = Field(default=480, ge=32, le=4096, description="Widest picture in the report in pixels")
+    turntable: bool = Field(True, description="Put the object's page into the report, to turn it there")
 
     @field_validator("truth")
     @classmethod
@@ -166,7 +168,8 @@ def run(inputs: Inputs, config: EvaluateConfig) -> Outputs:
     write_metrics(metrics, outputs.metrics)
     told = read_sources(views, inputs.plan, inputs.audit, inputs.geometry)
     errors = _errors(inputs, config, asset, views)
-    write_report(outputs.report, metrics, pictures, told, surfaces, errors)
+    turntable = embedded_page(asset, told.name, inputs.views, metrics) if config.turntable else None
+    write_report(outputs.report, metrics, pictures, told, surfaces, errors, turntable)
     lines = summary_lines(metrics) + ([] if truth is None else _told(truth, geometry))
     (inputs.out / "summary.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return outputs

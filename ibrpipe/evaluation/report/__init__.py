@@ -3,5 +3,6 @@
 from ibrpipe.evaluation.report.page import write_report
 from ibrpipe.evaluation.report.pictures import ViewPictures
 from ibrpipe.evaluation.report.sources import ReportSources, read_sources
+from ibrpipe.evaluation.report.turntable import Turntable
 
-__all__ = ["ReportSources", "ViewPictures", "read_sources", "write_report"]
+__all__ = ["ReportSources", "Turntable", "ViewPictures", "read_sources", "write_report"]

@@ -17,6 +17,7 @@ from ibrpipe.evaluation.report.plot import speed_error_plot
 from ibrpipe.evaluation.report.sources import ReportSources
 from ibrpipe.evaluation.report.surface_pictures import PALE, WORST, SurfacePictures, confidence_colors, error_colors
 from ibrpipe.evaluation.report.surface_words import surface_sentences
+from ibrpipe.evaluation.report.turntable import Turntable, policy
 from ibrpipe.types import Array
 
 NAMES = {
@@ -42,9 +43,10 @@ def write_report(
     sources: ReportSources,
     surfaces: Sequence[SurfacePictures] = (),
     errors: Sequence[ErrorPictures] = (),
+    turntable: Turntable | None = None,
 ) -> None:
-    """Write ``report.html``: one file that loads nothing from anywhere; its one script enlarges pictures."""
-    path.write_text(render_page(metrics, pictures, sources, surfaces, errors), encoding="utf-8")
+    """Write ``report.html``: one file that loads nothing from anywhere; its script enlarges pictures."""
+    path.write_text(render_page(metrics, pictures, sources, surfaces, errors, turntable), encoding="utf-8")
 
 
 def render_page(
@@ -53,6 +55,7 @@ def render_page(
     sources: ReportSources,
     surfaces: Sequence[SurfacePictures] = (),
     errors: Sequence[ErrorPictures] = (),
+    turntable: Turntable | None = None,
 ) -> str:
     """Return the page as HTML text."""
     from jinja2 import Environment, StrictUndefined
@@ -73,6 +76,7 @@ def render_page(
     if not words.view_dependence(metrics):  # the renders are the diffuse colours
         rows = [row for row in rows if row["name"] != "diffuse"]
         pictures = [_without_diffuse(view) for view in pictures]
+    script = "\n" + "".join(_resource(name) for name in ("enlarge.js", "turntable.js"))
     template = environment.from_string(_resource("template.html"))
     return template.render(
         metrics=metrics,
@@ -91,7 +95,9 @@ def render_page(
         seconds=_bars(metrics.seconds),
         total_seconds=sum(metrics.seconds.values()),
         heat=_gradient(heat_colors()),
-        script=Markup(_resource("enlarge.js")),
+        script=Markup(script),
+        policy=policy(script, turntable),
+        turntable=turntable,
         surfaces=surfaces,
         errors=errors,
         worst_codes=WORST_CODES,

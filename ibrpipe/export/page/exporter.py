@@ -33,6 +33,8 @@ logger = logging.getLogger(__name__)
 
 #: bytes of a page above which a word is said
 LARGE = 32 << 20
+#: what makes it smaller
+SMALLER = "a lower plan.oversampling or a higher compress.loss_db"
 #: width and height of the poster, pixels
 POSTER = (720, 540)
 #: pixels of all held-out photos of a page together: about 2 MB
@@ -61,8 +63,7 @@ def write(source: Path, target: Path, notes: Path | None = None) -> str:
     content = page.text.encode("utf-8")
     write_files(target.parent, {target.name: content})
     if len(content) > LARGE:
-        remedy = "lower plan.oversampling, raise compress.loss_db"
-        logger.warning(f"{target} takes {megabytes(len(content))}, which phones may refuse: {remedy}")
+        logger.warning(f"{target} takes {megabytes(len(content))}, which phones may refuse: {SMALLER} makes it smaller")
     return ", ".join(filter(None, (megabytes(len(content)), page.told)))
 
 
@@ -81,7 +82,12 @@ def page_of(source: Path, notes: Path | None = None) -> Page:
 
 
 def make_page(
-    asset: Asset, notes: PageNotes, name: str, views: Path | None = None, measured: Mapping[str, float] | None = None
+    asset: Asset,
+    notes: PageNotes,
+    name: str,
+    views: Path | None = None,
+    measured: Mapping[str, float] | None = None,
+    turning: bool = False,
 ) -> Page:
     """Return an asset as a page.
 
@@ -94,6 +100,8 @@ def make_page(
         ``views.json``, whose cameras say what is up and where the first view is; its held-out photos are shown.
     measured : mapping of name to float, optional
         PSNR of held-out photos, dB, as the run's report states it.
+    turning : bool
+        It turns by itself from the start, where the system does not ask for less motion.
 
     Raises
     ------
@@ -117,7 +125,7 @@ def make_page(
         "surfaces": surfaces,
         "components": components,
         "photos": photos,
-        "start": {"up": start.up.tolist(), "from": start.toward.tolist()},
+        "start": {"up": start.up.tolist(), "from": start.toward.tolist(), "turning": turning},
         "units": notes.units or units_of(asset),
         "notes": [each.model_dump() for each in notes.annotations],
         "views": [each.model_dump() for each in notes.views],

@@ -39,12 +39,15 @@ def measured_psnr(run: Path) -> dict[str, float]:
         The report's figures are damaged.
     """
     path = run / METRICS
-    if not path.is_file():
-        return {}
+    return scores_of(path.read_bytes(), str(path)) if path.is_file() else {}
+
+
+def scores_of(content: bytes | str, place: str) -> dict[str, float]:
+    """Return the PSNR of held-out views by name, dB, of the text of ``metrics.json`` at a place; raises as above."""
     try:
-        metrics = _Metrics.model_validate_json(path.read_bytes())
+        metrics = _Metrics.model_validate_json(content)
     except ValidationError as error:
-        raise FormatError(f"{path}: is no list of scores; run the evaluate stage again") from error
+        raise FormatError(f"{place}: is no list of scores; run the evaluate stage again") from error
     key = "psnr_covered" if metrics.headline == "covered" else "psnr"
     scores = {view.name: view.renderers.get(metrics.renderer, _Scores()) for view in metrics.views}
     found = {name: getattr(score, key) for name, score in scores.items()}

@@ -180,7 +180,7 @@ def test_large_pages_are_told(
     write_asset(make_asset("matt"), tmp_path / "asset")
     with caplog.at_level(logging.WARNING):
         exporter.write(tmp_path / "asset", tmp_path / "a.html")
-    assert "phones may refuse: lower plan.oversampling" in caplog.text
+    assert "phones may refuse: a lower plan.oversampling" in caplog.text
 
 
 def test_wrong_notes_name_the_line(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ class Viewer {
     this.comparison = new Comparison(byId, this.tour, { render, changed: () => this.changed() });
     this.follow = placeNotes(byId("marks"), meta.notes, this.orbit, (view) => this.go(view));
     this.listen();
+    if (meta.start.turning && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.setTurning(true);
     if (scene.photos.length) renderer.stage.loadThumbnails(renderer.units.size);
   }
 
@@ -169,8 +170,11 @@ class Viewer {
   run() {
     const { state } = this;
     document.body.className = "ready";
-    let last = performance.now(), settled = false;
+    let last = performance.now(), settled = false, slow = 0;
     const frame = (now) => {
+      // without a graphics card it would turn in jerks, and leave the machine no time for anything else
+      slow = state.turning && now - last > 700 ? slow + 1 : 0;
+      if (slow > 3) this.setTurning(false);
       if (state.turning) { this.orbit.turn(0.0004 * Math.min(now - last, 100), 0); this.changed(); }
       if (this.tour.flight) this.changed();
       const moving = now - state.moved < 200;
