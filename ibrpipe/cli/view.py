@@ -17,7 +17,8 @@ from ibrpipe.cli.show import display
 @click.option(
     "--browser/--no-browser", default=True, show_default=True, help="Open the browser, or only tell the address."
 )
-def command(source: Path, notes: Path | None, port: int, browser: bool) -> None:
+@click.option("--allow-outside", is_flag=True, help="Files of a capture may lie outside its folder, as in ingest.")
+def command(source: Path, notes: Path | None, port: int, browser: bool, allow_outside: bool) -> None:
     """Show the asset of a run folder, an asset folder, or a capture in the browser, from all sides.
 
     Of a capture, a run that has no asset yet, or a run's folder ingest it shows where the photos were taken, the photos
@@ -32,7 +33,7 @@ def command(source: Path, notes: Path | None, port: int, browser: bool) -> None:
     from ibrpipe.export.page.server import PageServer
 
     with display():
-        page = page_of(source, notes)
+        page = page_of(source, notes, allow_outside)
     with PageServer(page.text, port) as server:
         click.echo(f"{source}: {server.address}")
         click.echo("; ".join(filter(None, (page.told, "Ctrl-C ends it."))))

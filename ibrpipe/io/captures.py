@@ -183,7 +183,7 @@ def _check_inside(root: Path, files: Iterable[Path]) -> None:
             if not (known[file.parent] and leads_inside(root, file)):
                 raise CaptureError(
                     f"{shortened(str(file))}: lies outside the capture {root}; copy it there, or say that such files "
-                    "may be used: ingest.allow_outside=true"
+                    "may be used: ingest.allow_outside=true in a run, --allow-outside of view"
                 )
 
 

@@ -56,8 +56,14 @@ class CaptureScene:
     told: tuple[str, ...]
 
 
-def read_capture_scene(source: Path) -> CaptureScene:
+def read_capture_scene(source: Path, allow_outside: bool = False) -> CaptureScene:
     """Read a capture folder, a run folder, or a ``views.json`` or the folder that holds it.
+
+    Parameters
+    ----------
+    source : Path
+    allow_outside : bool
+        What a capture consists of may lie outside its folder.
 
     Raises
     ------
@@ -75,7 +81,7 @@ def read_capture_scene(source: Path) -> CaptureScene:
         raise MissingFileError(f"{source}: is no folder; give an asset, a run, or a capture with photos and cameras")
     if not has_cameras(source):
         raise CaptureError(_without_cameras(source))
-    return _of_capture(source)
+    return _of_capture(source, allow_outside)
 
 
 def _without_cameras(folder: Path) -> str:
@@ -94,8 +100,8 @@ def _of_run(views: Path) -> CaptureScene:
     return _scene(run.name, read.train, read.test, None if points is None else points.xyz, first, mesh)
 
 
-def _of_capture(folder: Path) -> CaptureScene:
-    capture = read_capture(folder, CaptureOptions(hold_out_every=0))
+def _of_capture(folder: Path, allow_outside: bool) -> CaptureScene:
+    capture = read_capture(folder, CaptureOptions(hold_out_every=0, allow_outside=allow_outside))
     root = photo_root(capture.root)
     points = None if capture.model is None else points_of_views(capture.model, root, capture.train)
     first = None if points is None else points.views[points.offsets[:-1]]

@@ -67,15 +67,15 @@ def write(source: Path, target: Path, notes: Path | None = None) -> str:
     return ", ".join(filter(None, (megabytes(len(content)), page.told)))
 
 
-def page_of(source: Path, notes: Path | None = None) -> Page:
+def page_of(source: Path, notes: Path | None = None, allow_outside: bool = False) -> Page:
     """Return the page of an asset or of a run's asset; without one, of a capture or of a run so far.
 
-    Raises as `write` does of what it reads.
+    A capture's files may lie outside its folder where that is allowed. Raises as `write` does of what it reads.
     """
     words = PageNotes() if notes is None else read_notes(notes)
     asset = found_asset(source)
     if asset is None:
-        return make_capture_page(read_capture_scene(source), words)
+        return make_capture_page(read_capture_scene(source, allow_outside), words)
     views = views_in_run(asset.parent)
     measured = None if views is None else measured_psnr(asset.parent)
     return make_page(read_asset(asset), words, name_of(asset), views, measured)

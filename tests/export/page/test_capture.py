@@ -177,3 +177,18 @@ def test_the_report_states_errors_of_the_mask_or_of_what_all_cover(tmp_path: Pat
     path.write_text('{"views": 3}')
     with pytest.raises(FormatError, match="run the evaluate stage again"):
         measured_psnr(tmp_path)
+
+
+def test_files_outside_a_capture_are_shown_where_that_is_allowed(
+    tiny_ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(tiny_ball, tmp_path / "capture")
+    shutil.move(tmp_path / "capture/images", tmp_path / "elsewhere")
+    (tmp_path / "capture/images").symlink_to(tmp_path / "elsewhere")
+    monkeypatch.setattr("ibrpipe.export.page.server.PageServer.serve_forever", lambda self: None)
+    refused = CliRunner().invoke(cli, ["view", str(tmp_path / "capture"), "--no-browser"])
+    assert refused.exit_code == 1
+    assert "--allow-outside of view" in refused.stderr
+    shown = CliRunner().invoke(cli, ["view", str(tmp_path / "capture"), "--no-browser", "--allow-outside"])
+    assert shown.exit_code == 0
+    assert "http://127.0.0.1:" in shown.stdout
