@@ -54,6 +54,8 @@ def command(source: Path, target: Path, form: str | None, notes: Path | None, ch
 
     obj: the same mesh as TARGET.obj with .mtl and .png beside it. Setting: tolerance.
 
+    usdz: the same mesh as one file for augmented reality on Apple's devices. Setting: tolerance.
+
     ply: TARGET.ply, a mesh with colours at its vertices, or points with colours, normals and confidence. Setting:
     content (mesh, points).
 

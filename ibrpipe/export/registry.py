@@ -81,6 +81,7 @@ register("obj", "ibrpipe.export.obj:EXPORTER")
 register("page", "ibrpipe.export.page.exporter:EXPORTER")
 register("ply", "ibrpipe.export.ply:EXPORTER")
 register("transforms", "ibrpipe.export.transforms:EXPORTER")
+register("usdz", "ibrpipe.export.usdz:EXPORTER")
 
 
 def known_exporters() -> tuple[str, ...]:
