@@ -17,7 +17,7 @@ from ibrpipe.engine.event_words import duration, told
 from ibrpipe.engine.executor import executor
 from ibrpipe.engine.pipeline_file import Pipeline, load_pipeline, packaged_pipelines
 from ibrpipe.engine.runner import Run, run_pipeline
-from ibrpipe.errors import ConfigError
+from ibrpipe.errors import ConfigError, MissingFileError, closest
 from ibrpipe.evaluation.metrics import read_metrics
 from ibrpipe.io.manifest import Manifest
 from ibrpipe.io.videos.read import is_video
@@ -95,8 +95,18 @@ command.params += [workers_option, dask_option, json_option]
 
 
 def _is_capture(what: str) -> bool:
-    """Say whether a folder or a video is meant; other files, and bare names of packaged pipelines, are pipelines."""
-    return is_video(Path(what)) or (Path(what).is_dir() and what not in packaged_pipelines())
+    """Say whether a folder or a video is meant; other files, and bare names of packaged pipelines, are pipelines.
+
+    Raises
+    ------
+    MissingFileError
+        It is nothing of the kind.
+    """
+    known = packaged_pipelines()
+    if not Path(what).exists() and Path(what).stem not in known:
+        advice = closest(Path(what).stem, known)
+        raise MissingFileError(f"{what}: there is no such folder of photos, video, or pipeline; of pipelines, {advice}")
+    return is_video(Path(what)) or (Path(what).is_dir() and what not in known)
 
 
 def _chosen(capture: Path, changes: tuple[str, ...]) -> Path:

@@ -201,3 +201,16 @@ def test_inspect_reads_a_run_of_one_stage_and_the_folder_of_a_stage(finished: Pa
         facts = json.loads(result.stdout)
         assert facts["kind"] == kind
         assert (facts["stages"]["plan"] if kind == "run" else facts)["bytes"] > 0
+
+
+def test_a_capture_that_is_not_there_is_told_as_such(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for what, advice in (
+        ("photos-of-vase", "there is no such folder of photos, video, or pipeline"),
+        ("mehs", '"mesh"'),
+    ):
+        result = CliRunner().invoke(cli, ["run", what, "--out", "out"])
+        assert result.exit_code == 1
+        assert result.stderr.startswith(f"error: {what}: ")
+        assert advice in result.stderr
+        assert not (tmp_path / "out").exists()
