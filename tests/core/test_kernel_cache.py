@@ -49,7 +49,16 @@ def test_kernels_of_a_method_see_each_other(tmp_path: Path, monkeypatch: pytest.
     assert digest(copy / "epipolar" / "cast.py") != before
 
 
-@pytest.mark.parametrize("statement", ["import ibrpipe.core.method.middle", "from ibrpipe.core.method.middle import x"])
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import ibrpipe.core.method.middle",
+        "import math, ibrpipe.core.method.middle as m",
+        "from ibrpipe.core.method.middle import x",
+        "from ibrpipe.core.method import (\n    other,  # of two\n    middle,\n)",
+        "if True:\n    from ibrpipe.core.method import middle",
+    ],
+)
 def test_every_form_of_import_is_followed(package: Path, statement: str) -> None:
     (package / "top.py").write_text(statement + "\n")
     test_an_edit_two_imports_away_is_seen(package)
