@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -23,6 +23,9 @@ RESOLUTIONS = (2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64)
 MOST_POLYGONS = 250_000
 #: texels of a copy per texel of what is made from it, and places along a side of such a texel
 FINENESS, COMPOSED_RAYS = 1.4, 2
+#: texels a slab of what is made from copies has at most: cells of trees are flat, and thick slabs keep the height that
+#: they have in the picture from their direction, so that neighbours leave gaps or overlap from others
+COMPOSED_SLAB = 2.0
 #: texels across a part up to which there are more rays a texel: as many across the part as here
 FINE_RAYS = 16
 #: texels: what is thinner counts in one slab alone
@@ -164,7 +167,7 @@ def _compose_node(
     spheres, resolutions, stacks, slabs, heights, _, texels = library
     given, lookup, found = (spheres, resolutions, stacks, slabs, heights, texels), nearest_table(axes), []
     for resolution in resolutions:
-        count = slicing.slabs(int(resolution))
+        count = replace(slicing, slab_texels=min(slicing.slab_texels, COMPOSED_SLAB)).slabs(int(resolution))
         rays = COMPOSED_RAYS if resolution > 8 else 2 * COMPOSED_RAYS
         dense = np.zeros((len(axes), count, resolution, resolution, kernels.TEXEL), np.uint8)
         levels = np.empty((len(axes), count, 2), np.float32)

@@ -399,3 +399,13 @@ def test_slices_of_cells_that_hold_their_copies_elsewhere_are_refused(monkeypatc
     assert ibrpipe.prepare(PrerenderedScene(bushes(), slices), "hierarchical").data.library is slices
     with pytest.raises(RendererError, match="part 'cell' is larger, smaller or elsewhere"):
         ibrpipe.prepare(PrerenderedScene(bushes(1.5), slices), "hierarchical")
+
+
+def test_slabs_of_parts_made_from_copies_are_thinner(monkeypatch):
+    # thick ones keep the height that a flat cell has in the picture from their direction: neighbours leave gaps
+    monkeypatch.setattr(prefiltering, "MOST_POLYGONS", 1000)
+    library = prerender_nodes(scene_nodes(bushes()), Slicing(6, 6.0, 1, 8))
+    counts = np.diff(library.stacks).reshape(len(library.names), len(library.resolutions), 6)
+    most = dict(zip(library.names, counts[:, -1].max(axis=-1)))  # 8 texels across
+    assert most["maple-twig"] == 1
+    assert most["cell"] == 4
