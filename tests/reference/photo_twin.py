@@ -62,26 +62,39 @@ def seen_color(photo, point, normal, cos_min, slack):
     return "clean" if clean else "usable", color / total
 
 
-def reduced(values, top, bins, statistic):
+def reduced(values, votes, top, bins, statistic):
     """Median, mean or mode of one channel: the values sorted into bins, then those of the bin that counts averaged."""
-    values = np.asarray(values, float)
+    values, votes = np.asarray(values, float), np.asarray(votes, float)
     if statistic == "mean":
-        return values.sum() / len(values)
+        return np.average(values, weights=votes)
     number = np.clip((values / top * bins).astype(int), 0, bins - 1)
+    held = np.bincount(number, votes)
     if statistic == "mode":
-        return values[number == np.bincount(number).argmax()].mean()
-    ranked = np.sort(number)
-    middle = {ranked[(len(values) - 1) // 2], ranked[len(values) // 2]}
-    return np.mean([values[number == which].mean() for which in middle])
+        middle = {held.argmax()}
+    else:
+        up_to = held.cumsum() / votes.sum()
+        middle = {(up_to >= 0.5 - 1e-9).argmax(), (up_to >= 0.5 + 1e-9).argmax()}
+    return np.mean([np.average(values[number == which], weights=votes[number == which]) for which in middle])
+
+
+def pixels_per_area(photo, point, normal, step=1e-4):
+    """Pixels that show a unit of area around a point, by where the corners of a small triangle fall."""
+    side = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.9 else [0.0, 1.0, 0.0])
+    side /= np.linalg.norm(side)
+    corners = [point, point + step * side, point + step * np.cross(normal, side)]
+    projected = [photo.camera.K @ (photo.camera.R @ corner + photo.camera.t) for corner in corners]
+    (x0, y0), (x1, y1), (x2, y2) = ((p[0] / p[2], p[1] / p[2]) for p in projected)
+    return abs((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) / step**2
 
 
 def diffuse(photos, point, normal, cos_min, slack, top, bins, statistic):
     """(colour or NaN, mean absolute deviation, photos used)."""
-    found = [seen_color(photo, point, normal, cos_min, slack) for photo in photos]
+    found = [(*seen_color(photo, point, normal, cos_min, slack), photo) for photo in photos]
     for kind in ("clean", "usable"):
-        colors = np.array([color for quality, color in found if quality == kind])
+        colors = np.array([color for quality, color, _ in found if quality == kind])
         if len(colors):
-            value = np.array([reduced(colors[:, c], top, bins, statistic) for c in range(3)])
+            votes = [pixels_per_area(photo, point, normal) for quality, _, photo in found if quality == kind]
+            value = np.array([reduced(colors[:, c], votes, top, bins, statistic) for c in range(3)])
             return value, np.abs(colors - value).mean(), len(colors)
     return np.full(3, np.nan), 0.0, 0
 

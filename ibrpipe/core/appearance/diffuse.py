@@ -1,25 +1,45 @@
 """Diffuse colour of a surface point from all photos that see it. Source: gong-yang, sec. 4.1.
 
 Each channel's observations, in display code (so that bins are about equally visible), go into a histogram; the median
-is found by counting bins and then taken from the values inside the bin of the middle rank, so one or two observations
+is found by adding up bins and then taken from the values inside the bin of the middle, so that one or two observations
 give their own value and their mean, and bins cost little precision.
+
+Departure: a photo's say is how many of its pixels show a unit of the surface (`pixels_per_area`), not one each. Photos
+from far away or along the surface blur it; equal votes let many of them outvote the few that show it sharply.
 """
 
 import numpy as np
 from numba import prange
 
-from ibrpipe.core.appearance.photo_blend import BLOCK, CLEAN, USABLE, fetch, see
+from ibrpipe.core.appearance.photo_blend import BLOCK, CLEAN, HIDDEN, fetch, see
 from ibrpipe.core.jit import helper, kernel
 
 MEDIAN, MEAN, MODE = 0, 1, 2
 
 
+#: share of all votes that rounding may lack at the middle
+ROUNDING = 1e-9
+
+
 @helper
-def fill(values, count, top, bins):
-    """Count values (count,) f64 into bins (B,) i32 over [0, top]."""
-    bins[:] = 0
+def pixels_per_area(point, normal, photo, projection, centers):
+    """Return how many pixels of a photo show a unit of area of the surface there; `see` has found it in front."""
+    (px, py, pz), (nx, ny, nz) = point, normal
+    facing = nx * (centers[photo, 0] - px) + ny * (centers[photo, 1] - py) + nz * (centers[photo, 2] - pz)
+    a, b, c = projection[photo, 0, 0], projection[photo, 0, 1], projection[photo, 0, 2]
+    d, e, f = projection[photo, 1, 0], projection[photo, 1, 1], projection[photo, 1, 2]
+    g, h, k = projection[photo, 2, 0], projection[photo, 2, 1], projection[photo, 2, 2]
+    z = g * px + h * py + k * pz + projection[photo, 2, 3]
+    both_focal_lengths = a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g)
+    return both_focal_lengths * facing / (z * z * z)
+
+
+@helper
+def fill(values, votes, count, top, bins):
+    """Add up votes (count,) f64 of values (count,) f64 in bins (B,) f64 over [0, top]."""
+    bins[:] = 0.0
     for i in range(count):
-        bins[bin_of(values[i], top, len(bins))] += 1
+        bins[bin_of(values[i], top, len(bins))] += votes[i]
 
 
 @helper
@@ -29,43 +49,47 @@ def bin_of(value, top, size):
 
 
 @helper
-def mean_of_bin(values, count, which, top, size):
-    """Mean of the values that fall into bin `which`."""
-    total, members = 0.0, 0
+def mean_of_bin(values, votes, count, which, top, size):
+    """Mean of the values that fall into bin `which`, by their votes."""
+    total, members = 0.0, 0.0
     for i in range(count):
         if bin_of(values[i], top, size) == which:
-            total += values[i]
-            members += 1
+            total += votes[i] * values[i]
+            members += votes[i]
     return total / members
 
 
 @helper
-def bin_of_rank(bins, rank):
-    """Return the bin that holds the value of the given rank, counted from 0."""
-    below = 0
+def bin_reaching(bins, share):
+    """Return the first bin up to which there are as many votes as `share`."""
+    below = 0.0
     for which in range(len(bins)):
         below += bins[which]
-        if below > rank:
+        if below >= share:
             return which
     return len(bins) - 1
 
 
 @helper
-def reduce_channel(values, count, top, bins, statistic):
-    """Return median, mean or mode of values (count,) f64 of one channel; count >= 1."""
+def reduce_channel(values, votes, count, top, bins, statistic):
+    """Return median, mean or mode of values (count,) f64 of one channel by votes (count,) f64 > 0; count >= 1."""
+    total = 0.0
+    for i in range(count):
+        total += votes[i]
     if statistic == MEAN:
-        total = 0.0
+        mean = 0.0
         for i in range(count):
-            total += values[i]
-        return total / count
-    fill(values, count, top, bins)
+            mean += votes[i] * values[i]
+        return mean / total
+    fill(values, votes, count, top, bins)
     if statistic == MODE:
-        return mean_of_bin(values, count, int(np.argmax(bins)), top, len(bins))
-    low, high = bin_of_rank(bins, (count - 1) // 2), bin_of_rank(bins, count // 2)
-    low_value = mean_of_bin(values, count, low, top, len(bins))
+        return mean_of_bin(values, votes, count, int(np.argmax(bins)), top, len(bins))
+    low = bin_reaching(bins, (0.5 - ROUNDING) * total)
+    high = bin_reaching(bins, (0.5 + ROUNDING) * total)
+    low_value = mean_of_bin(values, votes, count, low, top, len(bins))
     if high == low:
         return low_value
-    return 0.5 * (low_value + mean_of_bin(values, count, high, top, len(bins)))
+    return 0.5 * (low_value + mean_of_bin(values, votes, count, high, top, len(bins)))
 
 
 @kernel
@@ -80,21 +104,19 @@ def diffuse_colors(
     projection, centers, sizes, starts, color, depth, mask = photos
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
         views = projection, centers, sizes, starts, depth, mask
-        seen = np.empty((2, 3, len(centers)))
-        bins, corners = np.empty(bin_count, np.int32), np.empty((1, 4, 2))
+        seen, votes = np.empty((2, 3, len(centers))), np.empty((2, len(centers)))
+        bins, corners = np.empty(bin_count), np.empty((1, 4, 2))
         for i in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
             clean, usable = 0, 0
             point, normal = (points[i, 0], points[i, 1], points[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
             for p in range(len(centers)):
                 quality = see(point, normal, p, views, cos_min, slack, corners, 0)
-                if quality == CLEAN:
-                    red, green, blue = fetch(color, corners, 0)
-                    seen[0, 0, clean], seen[0, 1, clean], seen[0, 2, clean] = red, green, blue
-                    clean += 1
-                elif quality == USABLE:
-                    red, green, blue = fetch(color, corners, 0)
-                    seen[1, 0, usable], seen[1, 1, usable], seen[1, 2, usable] = red, green, blue
-                    usable += 1
+                if quality == HIDDEN:
+                    continue
+                kind, number = (0, clean) if quality == CLEAN else (1, usable)
+                seen[kind, 0, number], seen[kind, 1, number], seen[kind, 2, number] = fetch(color, corners, 0)
+                votes[kind, number] = pixels_per_area(point, normal, p, projection, centers)
+                clean, usable = (clean + 1, usable) if quality == CLEAN else (clean, usable + 1)
             kind, count = (0, clean) if clean > 0 else (1, usable)
             out_count[i] = count
             out_spread[i] = 0.0
@@ -103,7 +125,7 @@ def diffuse_colors(
                 continue
             spread = 0.0
             for c in range(3):
-                value = reduce_channel(seen[kind, c], count, top, bins, statistic)
+                value = reduce_channel(seen[kind, c], votes[kind], count, top, bins, statistic)
                 out_color[i, c] = value
                 for j in range(count):
                     spread += abs(seen[kind, c, j] - value)

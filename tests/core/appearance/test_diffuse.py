@@ -84,21 +84,32 @@ def test_one_channel_as_twin(statistic):
     for count in (1, 2, 3, 4, 7, 40):
         for bins in (1, 8, 128):
             values = rng.gamma(1.0, 0.3, count)
-            found = reduce_channel(values, count, 1.0, np.empty(bins, np.int32), STATISTICS[statistic])
-            assert found == pytest.approx(photo_twin.reduced(values, 1.0, bins, statistic), abs=1e-12)
+            votes = rng.choice([0.5, 1.0, 3.0], count)
+            found = reduce_channel(values, votes, count, 1.0, np.empty(bins), STATISTICS[statistic])
+            assert found == pytest.approx(photo_twin.reduced(values, votes, 1.0, bins, statistic), abs=1e-12)
 
 
 def test_median_is_within_a_bin_of_the_exact_one():
     rng = np.random.default_rng(14)
     for count in range(1, 30):
         values = rng.random(count)
-        found = reduce_channel(values, count, 1.0, np.empty(64, np.int32), MEDIAN)
+        found = reduce_channel(values, np.full(count, 0.3), count, 1.0, np.empty(64), MEDIAN)
         assert abs(found - np.median(values)) < 1 / 64
 
 
 def test_mode_is_where_most_values_are():
     values = np.array([0.1, 0.51, 0.52, 0.53, 0.9, 0.91])
-    assert reduce_channel(values, 6, 1.0, np.empty(10, np.int32), MODE) == pytest.approx(0.52)
+    assert reduce_channel(values, np.ones(6), 6, 1.0, np.empty(10), MODE) == pytest.approx(0.52)
+    votes = np.array([1.0, 1.0, 1.0, 1.0, 3.0, 1.0])
+    assert reduce_channel(values, votes, 6, 1.0, np.empty(10), MODE) == pytest.approx((3 * 0.9 + 0.91) / 4)
+
+
+def test_two_photos_that_show_a_place_finely_outvote_three_from_afar():
+    eyes = [(0, 0.5, 2.0), (0, -0.5, 2.0), (0.5, 0, 6.0), (-0.5, 0, 6.0), (0, 0.1, 6.0)]
+    photos = constant_photos([(0.2, 0.2, 0.2)] * 2 + [(0.6, 0.6, 0.6)] * 3, eyes)
+    color, _, count = reduced(photos, np.zeros((1, 3)), np.array([[0, 0, 1]], np.float32))
+    assert count[0] == 5
+    np.testing.assert_allclose(color[0], 0.2, atol=1e-6)
 
 
 def test_no_points_and_a_point_nobody_sees():
