@@ -25,7 +25,7 @@ from ibrpipe.modelling.compression.document import Compression, PartLevel, Trial
 from ibrpipe.modelling.compression.parts import Parts, Source, curves_of, square
 from ibrpipe.modelling.compression.search import coarsest_within, finest_within
 from ibrpipe.modelling.compression.steps import ANCHORS, LADDERS, CodingStep, Level
-from ibrpipe.modelling.compression.tradeoff import Curve, choices, step_of_choice
+from ibrpipe.modelling.compression.tradeoff import Curve, choices, finer_while_worth, step_of_choice
 
 #: bytes of a megabyte
 _MB = 1e6
@@ -58,6 +58,12 @@ class CompressConfig(StageConfig):
     target_db: float | None = Field(None, gt=0, le=100, description="Least PSNR of the measured training photos, dB")
     loss_db: float = Field(
         0.5, ge=0, le=100, description="Without a target: PSNR of the measured training photos that may be lost, dB"
+    )
+    worth_db: float = Field(
+        0.15,
+        gt=0,
+        description="Without a target: PSNR of the measured training photos that a further hundredth of the photos' "
+        "bytes must bring to be spent, dB",
     )
     measured_views: int = Field(12, ge=1, le=1000, description="Training photos that are measured, evenly spread")
     joined_texels: int | None = Field(
@@ -141,7 +147,8 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
             coder = Coder(source, fit.psnr, inputs.out)
             few = few if factor == 1 or before is None else fit.psnr(source.asset, every)
             parts = Parts(source, lambda changed: fit.psnr(changed, every), few or 0.0)
-            step, why, found, told_parts = _choose(coder, parts, config, _rounded(before))
+            photos = sum(view.image.stat().st_size for view in views.train)
+            step, why, found, told_parts = _choose(coder, parts, config, _rounded(before), photos)
             if found:
                 break
         chosen = coder.settle(step, lambda trial: _kept(trial, config, before, len(first.index.textures)))
@@ -189,9 +196,12 @@ def _fixed(config: CompressConfig) -> dict[str, Level]:
 
 
 def _choose(
-    coder: Coder, parts: Parts, config: CompressConfig, before: float | None
+    coder: Coder, parts: Parts, config: CompressConfig, before: float | None, photos: int
 ) -> tuple[CodingStep, str, bool, dict[str, list[PartLevel]]]:
-    """Return the step to take, why, whether it keeps the target, and what the parts weigh and cost."""
+    """Return the step to take, why, whether it keeps the target, and what the parts weigh and cost.
+
+    `photos` is the bytes of the training photos.
+    """
     if config.lossless:
         return CodingStep(), "every bit of the layers is kept, view dependence as it was", True, {}
     if before is None:
@@ -225,7 +235,10 @@ def _choose(
         why = f"the coarsest coding that shows the measured photos at {config.target_db:g} dB or better"
         return steps[found], why, True, told
     why = f"the coarsest coding that loses at most {config.loss_db:g} dB on the measured photos"
-    return steps[found], why, True, told
+    finer = finer_while_worth(ladder, found, square(before), config.worth_db / (0.01 * photos))
+    if finer < found:
+        why += f", and what is worth its bytes: {config.worth_db:g} dB for each further hundredth of the photos'"
+    return steps[finer], why, True, told
 
 
 def _wanted(config: CompressConfig, before: float) -> float:

@@ -57,6 +57,26 @@ def choices(curves: Mapping[str, Curve]) -> list[Choice]:
     return list(found.values())
 
 
+def finer_while_worth(ladder: Sequence[Choice], start: int, before: float, worth: float) -> int:
+    """From a choice on take finer ones as long as what they bring is worth their bytes.
+
+    Parameters
+    ----------
+    ladder : choices from fine to coarse
+    start : index of the choice to begin with
+    before : mean square without any coding
+    worth : dB that a further byte must bring
+    """
+    index = start
+    for finer in range(start - 1, -1, -1):
+        square, better = (before + max(ladder[n].error, 0.0) for n in (index, finer))
+        gain = 10 * float(np.log10(max(square, 1e-10) / max(better, 1e-10)))
+        if gain < worth * (ladder[finer].size - ladder[index].size):
+            break
+        index = finer
+    return index
+
+
 def step_of_choice(choice: Choice, fixed: Mapping[str, Level]) -> CodingStep:
     """Return the step that a choice stands for; parts in `fixed` have the level stated there."""
     return step_of([fixed.get(name, LADDERS[name][level]) for name, level in choice.levels.items()])

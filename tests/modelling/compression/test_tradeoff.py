@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ibrpipe.modelling.compression.parts import LEAST_ERROR, Parts, Source
-from ibrpipe.modelling.compression.tradeoff import Curve, choices, filled
+from ibrpipe.modelling.compression.tradeoff import Choice, Curve, choices, filled, finer_while_worth
 
 
 def curves(seed: int, parts: int = 3, levels: int = 5) -> dict[str, Curve]:
@@ -17,6 +17,14 @@ def curves(seed: int, parts: int = 3, levels: int = 5) -> dict[str, Curve]:
     sizes = [np.sort(rng.integers(10, 1000, levels)).astype(float)[::-1] for _ in range(parts)]
     errors = [np.sort(rng.random(levels)) - (0.2 if n == 0 else 0.0) for n in range(parts)]
     return {f"part {n}": Curve(sizes[n], errors[n]) for n in range(parts)}
+
+
+@pytest.mark.parametrize(("worth", "wanted"), [(1.0, 4), (0.02, 2), (0.003, 1), (0.0005, 0)])
+def test_bytes_are_spent_as_long_as_they_are_worth_it(worth: float, wanted: int) -> None:
+    sizes, squares = [1000.0, 500.0, 300.0, 250.0, 230.0], [1.0, 1.2, 1.5, 2.0, 3.0]  # 0.0016, 0.0048, 0.025, 0.088 dB
+    ladder = [Choice({}, size, square - 0.9) for size, square in zip(sizes, squares)]
+    assert finer_while_worth(ladder, 4, 0.9, worth) == wanted
+    assert finer_while_worth(ladder, 1, 0.9, worth) == min(wanted, 1)
 
 
 @pytest.mark.parametrize("seed", range(8))
