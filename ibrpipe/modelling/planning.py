@@ -48,7 +48,7 @@ EDGES = 0.25
 #: what the choice of coverage is called in the plan
 COVERAGE = "coverage of rims"
 #: spiral densities to choose from; coarser ones lose highlights (1/16 costs 0.7 dB on photos 22 degrees apart)
-DENSITIES = (1 / 24, 1 / 32)
+DENSITIES = (1 / 24, 1 / 32, 1 / 48)
 
 
 class PlanConfig(StageConfig):
