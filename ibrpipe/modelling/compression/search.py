@@ -9,7 +9,7 @@ from ibrpipe.modelling.compression.tradeoff import Choice
 #: codes the asset as the choice of that index says; returns its bytes and the mean square that this added
 Attempt = Callable[[int], tuple[int, float]]
 #: codings that are tried where one keeps the promise, and where none does yet
-_TRIED, _MOST = 3, 7
+_TRIED, _MOST = 4, 7
 #: share of what is allowed from which on a coding is good enough
 _ENOUGH = 0.8
 
@@ -33,7 +33,7 @@ def _last(expected: Sequence[float], most: float, measured: Callable[[int], floa
     """
     low, high, extra, index = -1, len(expected), 0.0, None
     for trial in range(_MOST):
-        guess = max((n for n, value in enumerate(expected) if value + extra <= most), default=0)
+        guess = max((n for n, value in enumerate(expected) if value + extra <= most), default=-1)
         if index is not None and low == index and guess <= index:
             break
         index = guess if low < guess < high else (low + high) // 2
