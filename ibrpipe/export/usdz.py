@@ -1,7 +1,7 @@
 """An asset as USDZ, which phones and tablets of Apple's open in augmented reality: text of USD and a picture, archived.
 
 USDZ is an archive without compression whose files begin at multiples of 64 bytes; the text form of USD is part of it,
-so that nothing else is needed to write it. Source: the specification of USDZ, 1.3 (openusd.org).
+so that nothing else is needed to write it (as openusd.org specifies USDZ 1.3).
 """
 
 from __future__ import annotations
