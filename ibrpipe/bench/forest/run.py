@@ -17,7 +17,7 @@ from ibrpipe.bench.forest.pictures import our_picture, over_sky
 from ibrpipe.bench.forest.results import FlightRow, ForestModel, ForestRow
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.engine.machine import describe_machine
-from ibrpipe.errors import ResourceError
+from ibrpipe.errors import RendererError, ResourceError
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import Prepared, prepare, render
 from ibrpipe.renderers.hierarchical.nodes import scene_nodes
@@ -114,8 +114,8 @@ def _row(
     if peer is not None:
         truth = peer_shot(peer, camera, TRUTH).picture
     elif note != ALONE:
-        truth = over_sky(*our_picture(ours, camera, "polygons"))
-        note += "; PSNR is against our polygons at 16 samples a pixel"
+        truth, told = _polygons(ours, camera)
+        note += f"; {told}"
     own = None if truth is None else psnr(mine.picture, truth)
     scores = {} if truth is None else {n * n: (shot.cpu, psnr(shot.picture, truth)) for n, shot in shots.items()}
     equal = None if own is None else equal_time(list(scores.values()), own)
@@ -124,6 +124,14 @@ def _row(
         peer={str(samples): score for samples, score in scores.items()}, equal_ms=equal,
         ratio=None if equal is None else equal / mine.cpu, note=note, **stats,
     )  # fmt: skip
+
+
+def _polygons(ours: Prepared, camera: Camera) -> tuple[Array | None, str]:
+    """Our polygons at 16 samples a pixel as the truth where there is no peer, and what is said of it; None = too many."""
+    try:
+        return over_sky(*our_picture(ours, camera, "polygons")), "PSNR is against our polygons at 16 samples a pixel"
+    except RendererError as error:
+        return None, f"no errors: {error}"
 
 
 def _keep(shots: dict[int, Shot], name: int, shot: Shot) -> None:

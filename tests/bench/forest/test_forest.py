@@ -12,6 +12,7 @@ from ibrpipe.bench.forest import embree_instances, flight, growth_plot, peer, ru
 from ibrpipe.bench.forest.results import ForestRow, TradeoffRow
 from ibrpipe.cli.main import cli
 from ibrpipe.errors import ResourceError
+from ibrpipe.renderers.hierarchical import drawing
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing
 
 SMALL = {"repeats": 1, "size": (96, 72), "slicing": Slicing(24, 6.0, 3, 16)}
@@ -149,16 +150,29 @@ def test_the_trade_off_is_drawn_with_its_values(tmp_path):
     assert [f">{text}<" in drawn for text in ("0.35", "1.4", "96", "0.7")] == [True, True, True, False]
 
 
-def test_without_the_peer_the_row_says_so(monkeypatch):
+@pytest.fixture
+def without_peer(monkeypatch):
     def missing():
         raise ResourceError("the wheel embreex is not installed")
 
     monkeypatch.setattr(embree_instances, "embree", missing)
+
+
+def test_without_the_peer_the_row_says_so(without_peer):
     (row,) = run.run_forest([2], ["far"], **SMALL).rows
     assert "not installed" in row.note
     assert row.peer == {}
     assert row.ratio is None
     assert row.ours_psnr > 25
+
+
+def test_without_the_peer_a_forest_of_too_many_polygons_has_times_alone(without_peer, monkeypatch):
+    monkeypatch.setattr(drawing, "MOST_TRIANGLES", 40_000)  # one tree of the two
+    (row,) = run.run_forest([2], ["far"], **SMALL).rows
+    assert "not installed" in row.note
+    assert "triangles are in view" in row.note
+    assert row.ours_ms > 0
+    assert row.ours_psnr is None
 
 
 def test_the_command_writes_its_figures(tmp_path, monkeypatch):
