@@ -127,7 +127,7 @@ def _row(
 
 
 def _polygons(ours: Prepared, camera: Camera) -> tuple[Array | None, str]:
-    """Our polygons at 16 samples a pixel as the truth where there is no peer, and what is said of it; None = too many."""
+    """The truth where there is no peer, our polygons at 16 samples a pixel, and what is said of it; None = too many."""
     try:
         return over_sky(*our_picture(ours, camera, "polygons")), "PSNR is against our polygons at 16 samples a pixel"
     except RendererError as error:
