@@ -46,11 +46,12 @@ class Watch(event.Listener):
 
     def on_end(self, event: event.Event) -> None:
         """Count a finished outermost function, and let the collector go on."""
+        if self._depth == 0:  # another thread had begun it before anybody listened
+            return
         self._depth -= 1
         if self._depth == 0:
             self._done += 1
-            if self._collects:
-                gc.enable()
+            self._let_collect()
         self.waited()
 
     def waited(self) -> None:
@@ -63,9 +64,15 @@ class Watch(event.Listener):
             self._tell(LABEL, self._done, None)
 
     def close(self) -> None:
-        """Say that all is done, if anything was told."""
+        """Say that all is done, if anything was told; another thread may be compiling still."""
+        if self._depth > 0:
+            self._let_collect()
         if self._open:
             self._tell(LABEL, max(self._done, 1), max(self._done, 1))
+
+    def _let_collect(self) -> None:
+        if self._collects:
+            gc.enable()
 
 
 _WATCH: ContextVar[Watch | None] = ContextVar("compile_watch", default=None)

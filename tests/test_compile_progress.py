@@ -59,6 +59,20 @@ def test_collector_rests_while_anything_is_compiled_and_is_left_as_it_was(told, 
         (gc.enable if before else gc.disable)()
 
 
+def test_blocks_may_begin_and_end_while_another_thread_compiles(told):
+    before = gc.isenabled()
+    try:
+        gc.enable()
+        watch = watch_with(told, [0.0] * 4)
+        watch.on_end(ANY)  # begun before the block
+        watch.on_start(ANY)
+        assert not gc.isenabled()
+        watch.close()  # its end is after the block
+        assert gc.isenabled()
+    finally:
+        (gc.enable if before else gc.disable)()
+
+
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 def test_blocks_hear_of_numba_once_and_only_while_they_last(told, monkeypatch):
     monkeypatch.setattr("ibrpipe.compile_progress.FIRST", 0.0)
