@@ -11,27 +11,23 @@ from far away or along the surface blur it; equal votes let many of them outvote
 import numpy as np
 from numba import prange
 
-from ibrpipe.core.appearance.photo_blend import BLOCK, CLEAN, HIDDEN, fetch, see
+from ibrpipe.core.appearance.photo_blend import BLOCK, CLEAN, HIDDEN, fetch, focal_length, see
 from ibrpipe.core.jit import helper, kernel
 
 MEDIAN, MEAN, MODE = 0, 1, 2
-
-
 #: share of all votes that rounding may lack at the middle
 ROUNDING = 1e-9
 
 
 @helper
 def pixels_per_area(point, normal, photo, projection, centers):
-    """Return how many pixels of a photo show a unit of area of the surface there; `see` has found it in front."""
+    """Return how many (square) pixels of a photo show a unit of area of the surface; `see` has found it in front."""
     (px, py, pz), (nx, ny, nz) = point, normal
     facing = nx * (centers[photo, 0] - px) + ny * (centers[photo, 1] - py) + nz * (centers[photo, 2] - pz)
-    a, b, c = projection[photo, 0, 0], projection[photo, 0, 1], projection[photo, 0, 2]
-    d, e, f = projection[photo, 1, 0], projection[photo, 1, 1], projection[photo, 1, 2]
-    g, h, k = projection[photo, 2, 0], projection[photo, 2, 1], projection[photo, 2, 2]
-    z = g * px + h * py + k * pz + projection[photo, 2, 3]
-    both_focal_lengths = a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g)
-    return both_focal_lengths * facing / (z * z * z)
+    across, down, along = projection[photo, 2, 0], projection[photo, 2, 1], projection[photo, 2, 2]
+    z = across * px + down * py + along * pz + projection[photo, 2, 3]
+    focal = focal_length(projection, photo)
+    return focal * focal * facing / (z * z * z)
 
 
 @helper
