@@ -24,10 +24,15 @@ def bytes_of(asset: Path, photos: Sequence[View], mesh: Path) -> dict[str, int]:
         "layers": layers,
         "residuals": residuals,
         "asset_other": whole - layers - residuals,
-        "photos": _total(view.image for view in photos),
+        "photos": photo_bytes(photos),
         "masks": _total(view.mask for view in photos if view.mask is not None),
         "mesh": _total([mesh]),
     }
+
+
+def photo_bytes(photos: Sequence[View]) -> int:
+    """Return the bytes of the photos' files as they came."""
+    return _total(view.image for view in photos)
 
 
 def view_dependence_bytes(asset: Path) -> dict[str, int]:

@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
 from ibrpipe.evaluation.photo_fit import PhotoFit, mean_of
+from ibrpipe.evaluation.sizes import photo_bytes
 from ibrpipe.evaluation.texture_errors import texture_errors
 from ibrpipe.io.assets import INDEX, AssetIndex, read_asset, read_index
 from ibrpipe.io.recoding import finish, losses, texture_bytes
@@ -147,8 +148,7 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
             coder = Coder(source, fit.psnr, inputs.out)
             few = few if factor == 1 or before is None else fit.psnr(source.asset, every)
             parts = Parts(source, lambda changed: fit.psnr(changed, every), few or 0.0)
-            photos = sum(view.image.stat().st_size for view in views.train)
-            step, why, found, told_parts = _choose(coder, parts, config, _rounded(before), photos)
+            step, why, found, told_parts = _choose(coder, parts, config, _rounded(before), photo_bytes(views.train))
             if found:
                 break
         chosen = coder.settle(step, lambda trial: _kept(trial, config, before, len(first.index.textures)))
@@ -235,7 +235,7 @@ def _choose(
         why = f"the coarsest coding that shows the measured photos at {config.target_db:g} dB or better"
         return steps[found], why, True, told
     why = f"the coarsest coding that loses at most {config.loss_db:g} dB on the measured photos"
-    finer = finer_while_worth(ladder, found, square(before), config.worth_db / (0.01 * photos))
+    finer = finer_while_worth(ladder, found, square(before), config.worth_db / (0.01 * max(photos, 1)))
     if finer < found:
         why += f", and what is worth its bytes: {config.worth_db:g} dB for each further hundredth of the photos'"
     return steps[finer], why, True, told
