@@ -55,7 +55,7 @@ def write_prerendered(library: Prerendered, folder: Path) -> PrerenderedFile:
         for name, sphere, overlap in zip(library.names, library.spheres, library.overlaps, strict=True)
     ]  # fmt: skip
     document = PrerenderedFile(
-        schema_version=1, parts=parts, resolutions=[int(each) for each in library.resolutions],
+        schema_version=2, parts=parts, resolutions=[int(each) for each in library.resolutions],
         directions=len(library.axes), scale=library.scale, texels=len(library.texels), slabs=len(library.slabs),
         seconds=float(library.info.get("seconds", 0.0)),
         file_bytes=sum((folder / name).stat().st_size for name in (PICTURE, SLABS)),

@@ -98,6 +98,13 @@ def test_numbers_of_the_document_have_bounds(folder, key, value, message):
         read_prerendered(folder)
 
 
+def test_slices_of_an_earlier_version_are_told_as_such(folder):
+    path = folder / "prerendered.json"
+    path.write_text(path.read_text().replace('"schema_version": 2', '"schema_version": 1'))
+    with pytest.raises(FormatError, match=r"prerendered\.json: .*schema_version.*prerender"):
+        read_prerendered(folder)
+
+
 def test_names_of_parts_differ(folder):
     document = json.loads((folder / NAME).read_text())
     document["parts"][1]["name"] = document["parts"][0]["name"]

@@ -25,7 +25,7 @@ class PartSlices(Document):
 class PrerenderedFile(Document):
     """Prefiltered slices; their texels are in ``texels.exr``, row by row, in the order of ``slabs.npz``."""
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     parts: list[PartSlices] = Field(description="In the order of their stacks")
     resolutions: list[Annotated[int, Field(ge=1, le=4096)]] = Field(
         min_length=1, description="Texels across a part's sphere, ascending"
