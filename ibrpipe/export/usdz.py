@@ -71,17 +71,7 @@ _MATERIAL = f"""
 
 
 def write(source: Path, target: Path, options: SurfaceOptions = DEFAULTS) -> str:
-    """Write the asset in folder `source` as the file `target`; y is up, lengths are metres where the unit is known.
-
-    Return what was written.
-
-    Raises
-    ------
-    MissingFileError, FormatError
-        The asset is missing, damaged, or shows nothing.
-    ConfigError, ResourceError
-        The file cannot be written.
-    """
+    """Write the asset in folder `source` as the one file `target`; takes, returns and raises what `obj.write` does."""
     given = read_source(source, target)
     model = build_model(given.asset, given.cameras, options.tolerance)
     scene = _scene(model, given.gltf_from_world).encode("ascii")
