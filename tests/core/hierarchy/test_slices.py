@@ -144,6 +144,7 @@ def cap(count, half_angle):
     return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
 
 
+# two moments tell a wall and all directions exactly; between them the spread of normals is guessed, to a tenth
 @pytest.mark.parametrize(
     ("half_angle", "atol"), [(1e-3, 1e-3), (0.6, 0.1), (np.pi / 2, 0.02)], ids=["a wall", "a bush", "all directions"]
 )
