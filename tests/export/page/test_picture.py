@@ -109,3 +109,21 @@ def test_without_webgl2_a_picture_and_a_line_stay(page, tmp_path: Path) -> None:
         assert "lacks WebGL2" in plain.evaluate("document.getElementById('message').textContent")
         assert plain.evaluate("document.getElementById('poster').naturalWidth") == 720
         assert plain.evaluate("getComputedStyle(document.getElementById('poster')).display") != "none"
+
+
+def test_nothing_behind_it_shows_through_on_the_screen(browser: Chromium, page, tmp_path: Path) -> None:
+    """Every patch decides on its pixels by one ray: where the browser shares them out by area, borders let light in."""
+    from PIL import Image
+    from scipy.ndimage import binary_fill_holes
+
+    shown = []
+    for scheme in ("light", "dark"):
+        browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        browser.open(page("matt")[0], 500, 400)
+        browser.evaluate("new Promise(done => setTimeout(done, 1500))")  # at rest
+        browser.screenshot(tmp_path / f"{scheme}.png")
+        shown.append(np.asarray(Image.open(tmp_path / f"{scheme}.png").convert("RGB"))[60:340].astype(int))
+    browser.call("Emulation.setEmulatedMedia", features=[])
+    same = (np.abs(shown[0] - shown[1]) <= 1).all(axis=2)
+    assert same.mean() > 0.05
+    assert not (binary_fill_holes(same) & ~same).any()

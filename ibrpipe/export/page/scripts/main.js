@@ -8,7 +8,9 @@ const MODE_NAMES = {
 async function start() {
   const meta = JSON.parse(byId("meta").textContent);
   const canvas = byId("view");
-  const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, premultipliedAlpha: true });
+  // no antialiasing by the browser: a patch decides by one ray whether a pixel is its own, and would share the rest with
+  // the background; at rest there are four rays a pixel
+  const gl = canvas.getContext("webgl2", { antialias: false, alpha: true, premultipliedAlpha: true });
   if (!gl || typeof DecompressionStream === "undefined") {
     showFailure("This browser cannot draw the object: it lacks WebGL2 or decompression. The picture shows one view of it.");
     throw new Error("WebGL2 is missing");
