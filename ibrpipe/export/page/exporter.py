@@ -34,7 +34,7 @@ logger = logging.getLogger(__name__)
 #: bytes of a page above which a word is said
 LARGE = 32 << 20
 #: what makes it smaller
-SMALLER = "a lower plan.oversampling or a higher compress.loss_db"
+SMALLER = "a lower plan.oversampling or compress.target_mb"
 #: width and height of the poster, pixels
 POSTER = (720, 540)
 #: pixels of all held-out photos of a page together: about 2 MB
