@@ -101,13 +101,18 @@ def build_layers(
     ray, depth, normals = fronts.ray, fronts.depth, fronts.normals
     texel = float(np.linalg.norm(plan.rectangle.u)) / plan.rectangle.width
     depth = quantize(depth, enough_bits(depth, texel) if config.depth_bits == "auto" else config.depth_bits)
-    normals = np.round(normals * NORMAL_STEPS) / np.float32(NORMAL_STEPS)
+    normals = round_normals(normals)
     height, width = plan.rectangle.height, plan.rectangle.width
     flat = np.searchsorted(ray, np.arange(height * width + 1)).astype(np.int64)
     offsets = np.concatenate([flat[:-1].reshape(height, width), flat[width::width][:, None]], axis=1)
     coverage = fronts.coverage if plan.coverage else None
     layers = LayeredDepthImage(plan.rectangle.frame, offsets, depth, color, normals, observers, coverage)
     return layers, describe(plan, layers)
+
+
+def round_normals(normals: Array) -> Array:
+    """Unit normals (N, 3) float32 as layers hold them, rounded so that they compress well."""
+    return np.round(normals * NORMAL_STEPS) / np.float32(NORMAL_STEPS)
 
 
 def with_rim(keep: Array, fronts: Fronts, rectangle: Rectangle) -> Array:

@@ -39,7 +39,7 @@ def choose_tables(
     """
     if photos < 2 * HELD_OUT_EVERY:
         return 1, []
-    held_out = np.arange(photos) % HELD_OUT_EVERY == HELD_OUT_EVERY // 2
+    held_out = held_out_photos(photos)
     kept, tested = observations.of_photos(~held_out), observations.of_photos(held_out)
     first = guess(kept, surface, points)
     psnr: list[float] = []
@@ -49,6 +49,11 @@ def choose_tables(
         if int(np.argmax(np.add(psnr, BONUS[: len(psnr)]))) < tables:
             break  # what one table does not mend, a second does not either
     return int(np.argmax(np.add(psnr, BONUS[: len(psnr)]))), psnr
+
+
+def held_out_photos(photos: int) -> Array:
+    """(P,) bool, the photos that are left out for measuring."""
+    return np.arange(photos) % HELD_OUT_EVERY == HELD_OUT_EVERY // 2
 
 
 def held_out_psnr(model: Model, observations: Observations, corners: Array) -> float:

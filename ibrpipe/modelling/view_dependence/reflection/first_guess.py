@@ -15,7 +15,7 @@ QUANTILE = 0.35
 
 def seen_weight(observations: Observations, corners: Array, samples: int) -> Array:
     """(samples,) float64 weight with which the observations speak of each sample."""
-    mine, weights = corners[observations.where[:, 0]], _corner_weights(observations, corners)
+    mine, weights = corners[observations.where[:, 0]], corner_weights(observations, corners)
     total = np.zeros(samples)
     for c in range(4):
         known = mine[:, c] >= 0
@@ -23,7 +23,7 @@ def seen_weight(observations: Observations, corners: Array, samples: int) -> Arr
     return total
 
 
-def _corner_weights(observations: Observations, corners: Array) -> Array:
+def corner_weights(observations: Observations, corners: Array) -> Array:
     """(N, 4) float32 bilinear weights of every observation's samples, not renormalised."""
     p, q = observations.traits[:, 0], observations.traits[:, 1]
     weights = np.stack([(1 - p) * (1 - q), p * (1 - q), (1 - p) * q, p * q], axis=1)
@@ -37,7 +37,7 @@ def first_colors(observations: Observations, corners: Array, samples: int) -> Ar
     -------
     (samples, 3) float32, linear; NaN where no observation is nearest
     """
-    weights = _corner_weights(observations, corners)
+    weights = corner_weights(observations, corners)
     nearest = corners[observations.where[:, 0], weights.argmax(axis=1)]
     usable = np.flatnonzero((weights.max(axis=1) > 0) & (observations.traits[:, 5] > 0))
     nearest = nearest[usable]

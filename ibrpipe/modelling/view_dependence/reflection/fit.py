@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array
 
 from ibrpipe.core.reflection.directions import fold, pad
 from ibrpipe.core.reflection.model import CHANNELS, DARK, add_gradients
@@ -70,8 +70,7 @@ def fit(observations: Observations, corners: Array, first: Array, tables: int, r
     -----
     The same bytes whatever the number of threads: gradients are summed by chunk, in the order of the chunks.
     """
-    order, ends = _batched(observations.where[:, 0], rules.batches)
-    observations = observations.subset(order)
+    observations, ends = _in_batches(observations, rules.batches)
     roots = np.sqrt(np.maximum(np.nan_to_num(first), DARK)).astype(np.float32)
     model = Model(roots, np.empty((0, rules.size, rules.size, 3), np.float32), make_law(0, rules))
     reflect_itself(model, observations, corners)
@@ -79,17 +78,26 @@ def fit(observations: Observations, corners: Array, first: Array, tables: int, r
     pace = _Pace(model, observations, corners, ends, rules)
     pace.run(rules.epochs, 1.0)
     if tables and len(observations.met):
-        reflect_itself(model, observations, corners)
-        pace = _Pace(model, observations, corners, ends, rules)
-        pace.run(rules.polish, 0.4)
+        _polish(model, observations, corners, ends, rules)
     return model
 
 
-def _batched(patches: Array, batches: int) -> tuple[Array, Array]:
-    """Order of the observations, batch by batch and by patch within each, and the ends (B + 1,) of the batches."""
-    by_patch = np.argsort(patches, kind="stable")
+def polish(model: Model, observations: Observations, corners: Array, rules: FitRules) -> None:
+    """Go on with the fit of a model, in place, where the observations have changed a little."""
+    observations, ends = _in_batches(observations, rules.batches)
+    _polish(model, observations, corners, ends, rules)
+
+
+def _polish(model: Model, observations: Observations, corners: Array, ends: Array, rules: FitRules) -> None:
+    reflect_itself(model, observations, corners)
+    _Pace(model, observations, corners, ends, rules).run(rules.polish, 0.4)
+
+
+def _in_batches(observations: Observations, batches: int) -> tuple[Observations, Array]:
+    """The observations batch by batch and by patch within each, and the ends (B + 1,) of the batches."""
+    by_patch = np.argsort(observations.where[:, 0], kind="stable")
     parts = [by_patch[n::batches] for n in range(batches)]
-    return np.concatenate(parts), np.cumsum([0] + [len(part) for part in parts])
+    return observations.subset(np.concatenate(parts)), np.cumsum([0] + [len(part) for part in parts])
 
 
 def reflect_itself(model: Model, observations: Observations, corners: Array) -> None:
@@ -194,14 +202,17 @@ class _Pace:
         adam_step(*flat, np.full(3, rate), np.full(3, 1e-3), count)
 
 
-def unevenness(corners: Array, samples: int) -> csr_array:
-    """(S, S) sum, over a sample's neighbours in the patches (P, 4), of how far it is above them."""
-    from scipy.sparse import csr_array, diags_array
-
+def neighbours(corners: Array, samples: int) -> csr_array:
+    """(S, S) float32, 1 where two samples are neighbours in the patches (P, 4)."""
     pairs = np.concatenate([corners[:, [one, other]] for one, other in ((0, 1), (2, 3), (0, 2), (1, 3))])
     pairs = np.unique(np.sort(pairs[(pairs >= 0).all(axis=1)], axis=1), axis=0)
     ends = np.concatenate([pairs, pairs[:, ::-1]])
-    near = csr_array((np.ones(len(ends), np.float32), (ends[:, 0], ends[:, 1])), shape=(samples, samples))
+    return csr_array((np.ones(len(ends), np.float32), (ends[:, 0], ends[:, 1])), shape=(samples, samples))
+
+
+def unevenness(corners: Array, samples: int) -> csr_array:
+    """(S, S) sum, over a sample's neighbours in the patches (P, 4), of how far it is above them."""
+    near = neighbours(corners, samples)
     return csr_array(diags_array(near.sum(axis=1)) - near).astype(np.float32)
 
 

@@ -14,12 +14,13 @@ from ibrpipe.io.components import Component, find_kind
 from ibrpipe.io.documents.plan import PlannedComponent
 from ibrpipe.io.layers import write_layers
 from ibrpipe.modelling.diffuse_refinement import sample_points
-from ibrpipe.modelling.layers import round_to_display
+from ibrpipe.modelling.layers import round_normals, round_to_display
 from ibrpipe.modelling.unseen import observers_of
 from ibrpipe.modelling.view_dependence.fitter import FitJob, Fitted
 from ibrpipe.modelling.view_dependence.reflection.choice import choose_tables
 from ibrpipe.modelling.view_dependence.reflection.first_guess import guess, seen_weight
 from ibrpipe.modelling.view_dependence.reflection.fit import FitRules, fit
+from ibrpipe.modelling.view_dependence.reflection.normals import refine_normals
 from ibrpipe.modelling.view_dependence.reflection.observations import Observations, join, observe_pixels, observe_texels
 from ibrpipe.modelling.view_dependence.residuals_file import ComponentFigures
 from ibrpipe.modelling.view_dependence.work_units import Context, context_of, forget
@@ -45,11 +46,16 @@ class ReflectionPlan(PlannedComponent):
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A fitted model, the (S,) weight of what was observed of every sample, and how the tables were chosen."""
+    """A fitted model, the (S,) weight of what was observed of every sample, and how the tables were chosen.
+
+    normals : (S, 3) float32 or None
+        Where the photos have shown better ones.
+    """
 
     model: Model
     weight: Array
     psnr: tuple[float, ...]
+    normals: Array | None = None
 
 
 class ReflectionFitter:
@@ -98,20 +104,21 @@ def fit_textures(context: Context, tables: int | None, rules: FitRules) -> Found
     seen = observe_pixels(scene, surface, photos, rules.size)
     rare = seen_weight(seen, surface.corners, len(points)) < RARELY_SEEN
     own = observe_texels(surface, points, rare, context.caster, photos, rules.size, OWN_EVERY)
-    return fit_observations(
-        seen if own is None else join([seen, own]), surface, points, len(photos.cameras), tables, rules
-    )
+    return fit_observations(seen if own is None else join([seen, own]), surface, points, photos.centers, tables, rules)
 
 
 def fit_observations(
-    seen: Observations, surface: Surface, points: Array, photos: int, tables: int | None, rules: FitRules
+    seen: Observations, surface: Surface, points: Array, centers: Array, tables: int | None, rules: FitRules
 ) -> Found:
-    """Choose the number of tables where it is not stated, and fit to all observations."""
+    """Choose the number of tables where it is not stated, fit to all observations, and turn normals where that pays."""
     psnr: list[float] = []
     if tables is None:
-        tables, psnr = choose_tables(seen, surface, points, photos, rules)
+        tables, psnr = choose_tables(seen, surface, points, len(centers), rules)
     model = fit(seen, surface.corners, guess(seen, surface, points), tables, rules)
-    return Found(model, seen_weight(seen, surface.corners, len(points)), tuple(psnr))
+    weight, refined = seen_weight(seen, surface.corners, len(points)), surface
+    if tables:
+        refined = refine_normals(model, seen, surface, centers, rules)
+    return Found(model, weight, tuple(psnr), None if refined is surface else refined.normals)
 
 
 def _write(job: FitJob, layers: Sequence[LayeredDepthImage], found: Found) -> Fitted:
@@ -122,7 +129,8 @@ def _write(job: FitJob, layers: Sequence[LayeredDepthImage], found: Found) -> Fi
         own, folder = slice(starts[which], starts[which + 1]), job.folder(which)
         color = round_to_display(model.texels[own, :3].astype(np.float64) ** 2)
         observers = np.maximum(observers_of(layers[which]), found.weight[own] > KNOWN).astype(np.int32)
-        write_layers(replace(layers[which], color=color, observers=observers), folder / "layers.exr")
+        normal = layers[which].normal if found.normals is None else round_normals(found.normals[own])
+        write_layers(replace(layers[which], color=color, normal=normal, observers=observers), folder / "layers.exr")
         if light is None:
             continue
         weights = model.texels[own, 3:] if model.texels.shape[1] > 3 else None

@@ -23,6 +23,10 @@ from ibrpipe.types import Array, Camera
 BESIDE_EDGE, OWN_SAMPLE = 0.3, 0.6
 #: least n.v at which a texel's own sample is taken
 STEEPEST = 0.1
+#: traits that do not depend on normals: place in the patch, weight and observed colour
+PLACE, SEEN = slice(0, 2), slice(5, 9)
+#: observations that are looked at again at once
+_AT_ONCE = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +38,7 @@ class Observations:
     where : (N, 2) int32
     traits : (N, 12) float32
     photo : (N,) int16, index of the photo
+    toward : (N, 3) float32, from the place to the photo's eye, scene units
     met : (M,) int64
         Observations whose reflected ray meets the surface, ascending.
     met_where, met_traits : (M, 2) int32, (M, 12) float32
@@ -43,6 +48,7 @@ class Observations:
     where: Array
     traits: Array
     photo: Array
+    toward: Array
     met: Array
     met_where: Array
     met_traits: Array
@@ -55,8 +61,8 @@ class Observations:
         kept = np.flatnonzero(own >= 0)
         kept = kept[np.argsort(own[kept], kind="stable")]
         return Observations(
-            self.where[chosen], self.traits[chosen], self.photo[chosen], own[kept], self.met_where[kept],
-            self.met_traits[kept],
+            self.where[chosen], self.traits[chosen], self.photo[chosen], self.toward[chosen], own[kept],
+            self.met_where[kept], self.met_traits[kept],
         )  # fmt: skip
 
     def of_photos(self, wanted: Array) -> Observations:
@@ -68,7 +74,7 @@ def join(parts: Sequence[Observations]) -> Observations:
     """All observations of the parts, one after another."""
     firsts = np.cumsum([0] + [len(part.where) for part in parts])
     parts = [replace(part, met=part.met + first) for part, first in zip(parts, firsts, strict=False)]
-    names = ("where", "traits", "photo", "met", "met_where", "met_traits")
+    names = ("where", "traits", "photo", "toward", "met", "met_where", "met_traits")
     return Observations(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
@@ -114,7 +120,7 @@ def _observe_photo(
     seen = look_through(surface, camera, hits.depth, hits.ids, taken, size)
     weight = mask[taken] * np.where(beside_edge(depth, mask)[taken], BESIDE_EDGE, 1.0)
     code, level = photos.code[own].reshape(*shape, 3), _clipped(photos.code[own])
-    return _observations(surface, seen, weight, code[taken], level, p, size)
+    return _observations(surface, seen, weight, code[taken], level, photos.centers[p], p, size)
 
 
 def agreed(drawn: Array, depth: Array, camera: Camera) -> Array:
@@ -132,7 +138,7 @@ def _clipped(code: Array) -> float:
 
 
 def _observations(
-    surface: Surface, seen: Looks, weight: Array, code: Array, level: float, p: int, size: int
+    surface: Surface, seen: Looks, weight: Array, code: Array, level: float, eye: Array, p: int, size: int
 ) -> Observations:
     """Fill in what was observed, and look where the reflected rays go."""
     known = np.isfinite(seen.reflected[:, 0])
@@ -140,8 +146,23 @@ def _observations(
     seen.traits[:, 5] = np.where(known, weight, 0.0)
     seen.traits[:, 6:9] = np.where(code >= level, -root, root)
     met, ends = meet_surface(surface, seen, size)
-    photo = np.full(len(seen.where), p, np.int16)
-    return Observations(seen.where, seen.traits, photo, met, ends.where, ends.traits)
+    photo, toward = np.full(len(seen.where), p, np.int16), (eye - seen.points).astype(np.float32)
+    return Observations(seen.where, seen.traits, photo, toward, met, ends.where, ends.traits)
+
+
+def look_again(observations: Observations, surface: Surface, centers: Array, size: int) -> Observations:
+    """The same observations of a surface whose normals have changed; centers (P, 3) are the photos' eyes."""
+    numbers = np.arange(len(observations.where))
+    parts = [numbers[first : first + _AT_ONCE] for first in range(0, len(numbers), _AT_ONCE)]
+    return join([_look_again(observations, part, surface, centers, size) for part in parts])
+
+
+def _look_again(old: Observations, part: Array, surface: Surface, centers: Array, size: int) -> Observations:
+    eyes = centers[old.photo[part]]
+    seen = look(surface, eyes - old.toward[part], old.where[part, 0], eyes, size)
+    seen.traits[:, PLACE], seen.traits[:, SEEN] = old.traits[part][:, PLACE], old.traits[part][:, SEEN]
+    met, ends = meet_surface(surface, seen, size)
+    return Observations(seen.where, seen.traits, old.photo[part], old.toward[part], met, ends.where, ends.traits)
 
 
 def observe_texels(
@@ -178,5 +199,5 @@ def observe_texels(
         seen.traits[:, :2] = 0.0  # the patch's first corner, whatever the rounding
         weight = OWN_SAMPLE * np.sqrt(np.minimum(cosine[able[some]], 1.0))
         level = _clipped(photos.code[photos.pixels_of(p)])
-        parts.append(_observations(surface, seen, weight, code[some], level, p, size))
+        parts.append(_observations(surface, seen, weight, code[some], level, photos.centers[p], p, size))
     return join(parts) if sum(len(part.where) for part in parts) else None

@@ -10,48 +10,10 @@ from kernel_runs import on_all_thread_counts
 
 from ibrpipe.core.color import srgb_decode
 from ibrpipe.errors import CaptureError
-from ibrpipe.modelling.diffuse_refinement import sample_points
-from ibrpipe.modelling.layers import LayersConfig, build_layers
-from ibrpipe.modelling.plan_file import TexturePlan
-from ibrpipe.modelling.rectangles import box_faces
 from ibrpipe.modelling.view_dependence.reflection.choice import choose_tables, held_out_psnr
 from ibrpipe.modelling.view_dependence.reflection.first_guess import first_colors, guess, seen_weight
-from ibrpipe.modelling.view_dependence.reflection.fit import FitRules, fit, unevenness
-from ibrpipe.modelling.view_dependence.reflection.observations import join, observe_pixels, observe_texels
-from ibrpipe.renderers.scene import prepare
-from ibrpipe.renderers.view_dependence.mirror import make_surface
-
-RULES = FitRules(size=24, epochs=8, polish=2)
-
-
-class Stage:
-    """A synthetic capture with layers of its box, and what its photos say of them."""
-
-    def __init__(self, measured, scene, texel):
-        self.measured = measured(scene)
-        caster, self.photos = self.measured.caster, self.measured.photos
-        vertices = caster.mesh.vertices
-        half = np.ptp(vertices, axis=0) / 2
-        faces = box_faces(vertices.min(axis=0) + half, np.eye(3), half, texel)
-        plans = [TexturePlan(face, 60.0, 8) for face in faces]
-        exact = LayersConfig(depth_bits=32, color_bits=16)
-        self.layers = [build_layers(i, plans, caster, self.photos, exact)[0] for i in range(len(plans))]
-        self.scene = prepare(tuple(self.layers))
-        self.surface = make_surface(self.scene, np.concatenate([each.normal for each in self.layers]))
-        self.points = np.concatenate([sample_points(f, each) for f, each in zip(faces, self.layers, strict=True)])
-
-    def observe(self, photos=None):
-        return observe_pixels(self.scene, self.surface, photos or self.photos, RULES.size)
-
-
-@pytest.fixture(scope="module")
-def ball(measured):
-    return Stage(measured, "ball", 0.06)
-
-
-@pytest.fixture(scope="module")
-def wall(measured):
-    return Stage(measured, "lambert", 0.06)
+from ibrpipe.modelling.view_dependence.reflection.fit import fit, unevenness
+from ibrpipe.modelling.view_dependence.reflection.observations import join, observe_texels
 
 
 def test_a_table_explains_the_glossy_ball_and_the_bytes_are_the_same_on_all_threads(ball):
@@ -61,12 +23,12 @@ def test_a_table_explains_the_glossy_ball_and_the_bytes_are_the_same_on_all_thre
     first = guess(kept, ball.surface, ball.points)
 
     def compute(tables=1):
-        model = fit(kept, ball.surface.corners, first, tables, RULES)
+        model = fit(kept, ball.surface.corners, first, tables, ball.rules)
         return model.texels, model.tables
 
     on_all_thread_counts(compute)
     with_none, with_one = (
-        held_out_psnr(fit(kept, ball.surface.corners, first, tables, RULES), tested, ball.surface.corners)
+        held_out_psnr(fit(kept, ball.surface.corners, first, tables, ball.rules), tested, ball.surface.corners)
         for tables in (0, 1)
     )
     assert with_one > with_none + 1.0
@@ -74,10 +36,10 @@ def test_a_table_explains_the_glossy_ball_and_the_bytes_are_the_same_on_all_thre
 
 def test_the_matt_wall_needs_no_table(wall):
     seen = wall.observe()
-    tables, psnr = choose_tables(seen, wall.surface, wall.points, 16, RULES)
+    tables, psnr = choose_tables(seen, wall.surface, wall.points, 16, wall.rules)
     assert len(psnr) == 2  # a second table is not tried where the first does not pay
     assert tables == 0
-    few, none = choose_tables(seen, wall.surface, wall.points, 14, RULES)
+    few, none = choose_tables(seen, wall.surface, wall.points, 14, wall.rules)
     assert (few, none) == (1, [])
 
 
@@ -102,14 +64,14 @@ def test_observations_look_from_their_photos_and_carry_their_colours(ball):
 def test_samples_are_observed_at_their_own_places(ball):
     wanted = np.zeros(len(ball.points), bool)
     wanted[::7] = True
-    seen = observe_texels(ball.surface, ball.points, wanted, ball.measured.caster, ball.photos, RULES.size)
+    seen = observe_texels(ball.surface, ball.points, wanted, ball.measured.caster, ball.photos, ball.rules.size)
     weight = seen_weight(seen, ball.surface.corners, len(ball.points))
     assert not weight[~wanted].any()
     assert (weight[wanted] > 0).mean() > 0.5
     assert seen.traits[:, 5].max() <= 0.6
-    none = observe_texels(ball.surface, ball.points, wanted & False, ball.measured.caster, ball.photos, RULES.size)
+    none = observe_texels(ball.surface, ball.points, wanted & False, ball.measured.caster, ball.photos, ball.rules.size)
     assert none is None
-    turns = observe_texels(ball.surface, ball.points, wanted, ball.measured.caster, ball.photos, RULES.size, 4)
+    turns = observe_texels(ball.surface, ball.points, wanted, ball.measured.caster, ball.photos, ball.rules.size, 4)
     assert 1.2 * len(seen.where) < len(turns.where) < 4 * len(seen.where)
     assert (seen_weight(turns, ball.surface.corners, len(ball.points)) > 0).mean() > 0.5
     both = join([ball.observe(), seen])
@@ -163,6 +125,6 @@ def test_weights_that_are_asked_to_be_even_are(ball):
     own = unevenness(ball.surface.corners, len(ball.points))
     rough = []
     for evenness in (0.0, 0.05):
-        weights = fit(seen, ball.surface.corners, first, 2, replace(RULES, evenness=evenness)).texels[:, 3:]
+        weights = fit(seen, ball.surface.corners, first, 2, replace(ball.rules, evenness=evenness)).texels[:, 3:]
         rough.append(float((weights * (own @ weights)).sum()))
     assert rough[1] < 0.5 * rough[0]
