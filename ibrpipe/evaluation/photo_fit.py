@@ -19,8 +19,9 @@ AROUND = 2
 class PhotoFit:
     """Photos that assets are held against; they are read once.
 
-    Masks say which pixels count. Of a photo without a mask those do that one asset covers, and few around them: what
-    it never shows, such as a sky or a wall behind it, would else outweigh all that coding can lose.
+    Masks say which pixels count. Of a photo without a mask those do that one asset covers: what it never shows, such as
+    a sky or a wall behind it, would else outweigh all that coding can lose. Few pixels around them count, too, but are
+    held against that asset's picture instead of the photo, so that rims that coding moves cost, whichever way they move.
     """
 
     def __init__(self, views: Sequence[View], asset: Asset) -> None:
@@ -28,10 +29,13 @@ class PhotoFit:
         self._codes = []
         for view in self.views:
             color, mask = load_view(view)
-            counted = mask >= 0.5
+            codes, counted = to_srgb8(color), mask >= 0.5
             if not view.masked:
-                counted &= _widened(np.asarray(render(prepared, view.camera).alpha) >= 0.5)
-            self._codes.append((to_srgb8(color), counted))
+                frame = render(prepared, view.camera)
+                covered = np.asarray(frame.alpha) >= 0.5
+                codes = np.where(covered[..., None], codes, to_srgb8(np.asarray(frame.color)))
+                counted &= _widened(covered)
+            self._codes.append((codes, counted))
 
     def each(self, asset: Asset, every: int = 1) -> list[float | None]:
         """Return the PSNR of every so manieth photo, dB; None = it shows nothing.

@@ -46,7 +46,7 @@ def test_what_the_asset_never_shows_does_not_count(view: View) -> None:
     rows, columns = np.ptp(np.argwhere(covered), axis=0) + 1
     inside, counted = rows * columns, (rows + 2 * AROUND) * (columns + 2 * AROUND)
     assert inside == covered.sum()
-    square = (inside * OFF**2 + (counted - inside) * 255**2) / counted / 255**2  # black beside white
+    square = inside * OFF**2 / counted / 255**2  # the few pixels around are as the asset itself shows them
     assert PhotoFit([view], whole).psnr(whole) == pytest.approx(-10 * np.log10(square), abs=1e-6)
 
 
@@ -64,6 +64,16 @@ def test_what_coding_has_cut_away_counts(view: View) -> None:
     counted = (rows + 2 * AROUND) * (columns + 2 * AROUND)
     expected = 0.5 * rows * columns / counted * ((CODE + OFF) ** 2 - OFF**2) / 255**2
     assert more == pytest.approx(expected, rel=1.5 / columns)  # a column of pixels more or less
+
+
+def test_what_coding_has_added_at_rims_counts(view: View) -> None:
+    whole, half = wall(SIDE), wall(SIDE // 2)
+    fit = PhotoFit([view], half)
+    rows, columns = np.ptp(np.argwhere(np.asarray(render(half, view.camera).alpha) >= 0.5), axis=0) + 1
+    counted = (rows + 2 * AROUND) * (columns + 2 * AROUND)
+    grown = rows * AROUND * (CODE / 255) ** 2 / counted  # at one side of four; further away nothing counts
+    more = 10 ** (-0.1 * fit.psnr(whole)) - 10 ** (-0.1 * fit.psnr(half))
+    assert more == pytest.approx(grown, rel=0.1)
 
 
 def test_nothing_is_measured_where_nothing_is_shown(view: View) -> None:
