@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ibrpipe.io.surfaces.materials import read_relief_mesh, read_relief_meshes
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
     from ibrpipe.renderers.composite import composite
-    from ibrpipe.renderers.hierarchical.prerendering import prerender
+    from ibrpipe.renderers.hierarchical.forms import prerender
     from ibrpipe.renderers.orbits import orbit
     from ibrpipe.stages.whole_run import FinishedRun, run
     from ibrpipe.types import (
@@ -64,7 +64,7 @@ _HOME = {
     "composite": "renderers.composite",
     "orbit": "renderers.orbits",
     "prepare": "renderers.api",
-    "prerender": "renderers.hierarchical.prerendering",
+    "prerender": "renderers.hierarchical.forms",
     "read_asset": "io.assets",
     "read_capture": "io.captures",
     "read_relief_mesh": "io.surfaces.materials",

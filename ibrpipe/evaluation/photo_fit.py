@@ -21,7 +21,7 @@ class PhotoFit:
 
     Masks say which pixels count. Of a photo without a mask those do that one asset covers: what it never shows, such as
     a sky or a wall behind it, would else outweigh all that coding can lose. Few pixels around them count, too, but are
-    held against that asset's picture instead of the photo, so that rims that coding moves cost, whichever way they move.
+    held against that asset's picture instead of the photo: rims that coding moves cost, whichever way they move.
     """
 
     def __init__(self, views: Sequence[View], asset: Asset) -> None:

@@ -17,6 +17,31 @@ U, V, WIDTH, HEIGHT, FIRST, BORDERED, NODE = range(7)
 
 
 @dataclass(frozen=True, eq=False)
+class OrthogonalViews:
+    """What the six views of all P parts show, as samples, cut into slabs. Source: max1999, sec. 2.
+
+    Attributes
+    ----------
+    firsts : (P + 1,) int64
+        First sample of each part.
+    places : (S, 3) float32
+        Where, in the part's coordinates.
+    albedo, normals : (S, 3) float32
+        Linear unshaded colour; unit normal, turned to the view that shows it.
+    """
+
+    firsts: Array
+    places: Array
+    albedo: Array
+    normals: Array
+
+    @property
+    def bytes(self) -> int:
+        """Bytes held beyond the library."""
+        return self.places.nbytes + self.albedo.nbytes + self.normals.nbytes
+
+
+@dataclass(frozen=True, eq=False)
 class Prerendered:
     """Slices of P parts from D directions at L resolutions.
 
@@ -51,6 +76,8 @@ class Prerendered:
         Texels by which a slab goes on into the one behind it.
     info : mapping
         What is known of its making: seconds, bytes, errors.
+    views : OrthogonalViews or None
+        The published form of the same parts; None = made when it is first asked for.
     """
 
     names: tuple[str, ...]
@@ -65,6 +92,7 @@ class Prerendered:
     scale: float
     overlaps: Array
     info: Mapping[str, Any] = field(default_factory=dict)
+    views: OrthogonalViews | None = None
 
     def __repr__(self) -> str:
         """Return how many parts were sliced, and the bytes of the slices."""

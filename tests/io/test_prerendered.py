@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import ibrpipe
 from ibrpipe.errors import FormatError, MissingFileError
-from ibrpipe.io.prerendered import NAME, PICTURE, SLABS, read_prerendered, write_prerendered
+from ibrpipe.io.prerendered import NAME, PICTURE, SLABS, VIEWS, read_prerendered, write_prerendered
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing
 from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
 from ibrpipe.types.prerendered import PrerenderedScene
@@ -34,10 +35,51 @@ def test_what_is_written_is_read(made, folder):
     assert read.names == made.library.names
     assert read.scale == made.library.scale
     assert read.info["leaks"] == made.library.info["leaks"]
+    np.testing.assert_array_equal(read.views.firsts, made.library.views.firsts)
+    np.testing.assert_array_equal(read.views.places, made.library.views.places)
+    for name in ("albedo", "normals"):
+        np.testing.assert_allclose(getattr(read.views, name), getattr(made.library.views, name), atol=5e-4)
     camera = forest_cameras(3, 64, 48)["far"]
-    one = ibrpipe.render(made, camera, "hierarchical")
-    other = ibrpipe.render(PrerenderedScene(made.scene, read), camera, "hierarchical")
-    assert one.color.tobytes() == other.color.tobytes()
+    for mode in ("slices", "reproject"):
+        one = ibrpipe.render(made, camera, "hierarchical", mode=mode)
+        other = ibrpipe.render(PrerenderedScene(made.scene, read), camera, "hierarchical", mode=mode)
+        assert one.alpha.tobytes() == other.alpha.tobytes()
+        np.testing.assert_allclose(one.color, other.color, atol=0.0 if mode == "slices" else 2e-3)
+
+
+def test_both_forms_are_told_with_bytes_seconds_and_errors(made, folder):
+    document = json.loads((folder / NAME).read_text())
+    assert document["views_bytes"] == (folder / VIEWS).stat().st_size > 0
+    assert document["views_seconds"] > 0
+    assert sum(part["samples"] for part in document["parts"]) == len(made.library.views.places) > 0
+    for part in document["parts"]:
+        assert part["slices"]["psnr"] > part["views"]["psnr"] > 5
+        assert 0 < part["slices"]["coverage"] < 1
+        assert 0 < part["views"]["coverage"] < 1
+
+
+def test_slices_alone_are_written_and_read(made, folder):
+    write_prerendered(replace(made.library, views=None, info={}), folder)
+    assert not (folder / VIEWS).exists()
+    read = read_prerendered(folder)
+    assert read.views is None
+    camera = forest_cameras(3, 64, 48)["far"]
+    frame = ibrpipe.render(PrerenderedScene(made.scene, read), camera, "hierarchical", mode="reproject")
+    assert frame.alpha.max() == 1.0
+
+
+@pytest.mark.parametrize(("samples", "value"), [(10**7, None), (None, np.nan), (None, -1.0)])
+def test_views_that_hold_nonsense_are_told(made, folder, samples, value):
+    if samples is not None:
+        document = json.loads((folder / NAME).read_text())
+        document["parts"][0]["samples"] = samples
+        (folder / NAME).write_text(json.dumps(document))
+    else:
+        albedo = made.library.views.albedo.copy()
+        albedo[0, 1] = value
+        write_prerendered(replace(made.library, views=replace(made.library.views, albedo=albedo)), folder)
+    with pytest.raises(FormatError, match=VIEWS):
+        read_prerendered(folder)
 
 
 def test_the_same_slices_are_the_same_bytes(made, folder, tmp_path):
@@ -45,14 +87,14 @@ def test_the_same_slices_are_the_same_bytes(made, folder, tmp_path):
     assert (tmp_path / "again" / PICTURE).read_bytes() == (folder / PICTURE).read_bytes()
 
 
-@pytest.mark.parametrize("name", [NAME, PICTURE, SLABS])
+@pytest.mark.parametrize("name", [NAME, PICTURE, SLABS, VIEWS])
 def test_a_missing_file_is_named(folder, name):
     (folder / name).unlink()
     with pytest.raises(MissingFileError, match=name):
         read_prerendered(folder)
 
 
-@pytest.mark.parametrize("name", [NAME, PICTURE, SLABS])
+@pytest.mark.parametrize("name", [NAME, PICTURE, SLABS, VIEWS])
 def test_a_damaged_file_is_named(folder, name):
     content = (folder / name).read_bytes()
     (folder / name).write_bytes(content[: len(content) // 2])
@@ -100,7 +142,7 @@ def test_numbers_of_the_document_have_bounds(folder, key, value, message):
 
 def test_slices_of_an_earlier_version_are_told_as_such(folder):
     path = folder / "prerendered.json"
-    path.write_text(path.read_text().replace('"schema_version": 2', '"schema_version": 1'))
+    path.write_text(path.read_text().replace('"schema_version": 3', '"schema_version": 2'))
     with pytest.raises(FormatError, match=r"prerendered\.json: .*schema_version.*prerender"):
         read_prerendered(folder)
 

@@ -130,8 +130,8 @@ def _scene(parts: Sequence[Part], matrices: Array) -> Scene:
 @cache
 def _library(parts: Callable[[], tuple[Part, ...]]) -> Prerendered:
     """The slices of parts, which all cases share; fewer and coarser than usual, to be quick."""
+    from ibrpipe.renderers.hierarchical.forms import prerender
     from ibrpipe.renderers.hierarchical.prefiltering import Slicing
-    from ibrpipe.renderers.hierarchical.prerendering import prerender
 
     return prerender(_scene(parts(), np.stack([np.eye(4), AWAY])), Slicing(96, 6.0, 4, 16)).library
 
@@ -235,8 +235,8 @@ def _broken(row: int, column: int, value: float, dtype: str) -> Instances:
 
 
 def _too_many_texels(dtype: str) -> object:
+    from ibrpipe.renderers.hierarchical.forms import prerender
     from ibrpipe.renderers.hierarchical.prefiltering import Slicing
-    from ibrpipe.renderers.hierarchical.prerendering import prerender
 
     copies = np.stack([np.eye(4), AWAY]).astype(dtype)
     return prerender(_scene(_ball(), copies), Slicing(65_535, 6.0, 1, 64))

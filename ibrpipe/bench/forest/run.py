@@ -22,7 +22,7 @@ from ibrpipe.progress import track
 from ibrpipe.renderers.api import Prepared, prepare, render
 from ibrpipe.renderers.hierarchical.nodes import scene_nodes
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing
-from ibrpipe.renderers.hierarchical.prerendering import prerender_all
+from ibrpipe.renderers.hierarchical.prerendering import make_slices
 from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
 from ibrpipe.types import Array, Camera, Scene
 from ibrpipe.types.prerendered import Prerendered, PrerenderedScene
@@ -80,7 +80,7 @@ def _slices(scene: Scene, slicing: Slicing, made: dict[tuple[str, ...], Prerende
     """The slices of a scene; forests of the same parts share them."""
     names = tuple(scene.parts)
     if names not in made:
-        made[names] = prerender_all(scene_nodes(scene), slicing)
+        made[names] = make_slices(scene_nodes(scene), slicing)
     return made[names]
 
 

@@ -15,7 +15,7 @@ from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
 from ibrpipe.renderers.hierarchical.nodes import scene_nodes
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing
-from ibrpipe.renderers.hierarchical.prerendering import prerender_all
+from ibrpipe.renderers.hierarchical.prerendering import make_slices
 from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
 from ibrpipe.types import Array, Camera, Scene
 from ibrpipe.types.prerendered import PrerenderedScene
@@ -38,7 +38,7 @@ class _Subject:
 
     def rows(self, slicing: Slicing, named: Sequence[tuple[str, float, float]]) -> list[TradeoffRow]:
         """Slice as told, draw with each pixel error: `named` holds what is varied, its value, and the pixel error."""
-        library = prerender_all(scene_nodes(self.scene), slicing)
+        library = make_slices(scene_nodes(self.scene), slicing)
         ours = prepare(PrerenderedScene(self.scene, library), "hierarchical")
         found = []
         for varied, value, pixel_error in named:

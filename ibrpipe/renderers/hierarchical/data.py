@@ -11,13 +11,13 @@ from ibrpipe.errors import RendererError
 from ibrpipe.renderers.hierarchical.captured import CapturedThing, captured_things
 from ibrpipe.renderers.hierarchical.guide import Guide, build_guide, changed_part
 from ibrpipe.renderers.hierarchical.nodes import Nodes, scene_nodes
-from ibrpipe.renderers.hierarchical.orthogonal_views import RESOLUTION, OrthogonalViews, orthogonal_views
+from ibrpipe.renderers.hierarchical.orthogonal_views import RESOLUTION, orthogonal_views
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing, is_composed
-from ibrpipe.renderers.hierarchical.prerendering import prerender_all
+from ibrpipe.renderers.hierarchical.prerendering import make_slices
 from ibrpipe.renderers.hierarchical.shaded import ShadedSlices
 from ibrpipe.renderers.hierarchical.shadows import ShadowMaps
 from ibrpipe.types import Lighting, Scene
-from ibrpipe.types.prerendered import Prerendered, PrerenderedScene
+from ibrpipe.types.prerendered import OrthogonalViews, Prerendered, PrerenderedScene
 
 #: lights whose bins fit into the key of a shaded slice
 MOST_LIGHTS = 4
@@ -34,6 +34,8 @@ class HierarchicalData:
     guide : Guide
     lighting : Lighting
     captured : tuple of CapturedThing
+    alone : int or None
+        Node that is drawn alone; None = the scene is drawn.
     """
 
     nodes: Nodes
@@ -41,6 +43,7 @@ class HierarchicalData:
     guide: Guide
     lighting: Lighting
     captured: tuple[CapturedThing, ...] = ()
+    alone: int | None = None
 
     @property
     def bytes(self) -> int:
@@ -88,7 +91,7 @@ class HierarchicalData:
     @cached_property
     def views(self) -> OrthogonalViews:
         """Six views of every part, for the published method."""
-        return orthogonal_views(self.nodes, self.library)
+        return self.library.views or orthogonal_views(self.nodes, self.library)
 
     @cached_property
     def published(self) -> Guide:
@@ -100,9 +103,14 @@ class HierarchicalData:
         )
 
     @property
+    def shown(self) -> int:
+        """Node that is drawn."""
+        return self.nodes.root if self.alone is None else self.alone
+
+    @property
     def radius(self) -> float:
-        """Radius of the scene."""
-        return float(self.guide.spheres[self.nodes.root, 3])
+        """Radius of what is drawn."""
+        return float(self.guide.spheres[self.shown, 3])
 
 
 def prepare(sources: tuple[Scene | PrerenderedScene, ...]) -> HierarchicalData:
@@ -135,5 +143,5 @@ def prepare(sources: tuple[Scene | PrerenderedScene, ...]) -> HierarchicalData:
                 "prerender this one"
             )
     else:
-        library = prerender_all(nodes, Slicing())
+        library = make_slices(nodes, Slicing())
     return HierarchicalData(nodes, library, build_guide(nodes, library), scene.lighting, captured_things(scene))

@@ -2,43 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ibrpipe.core.hierarchy import prefilter as kernels
 from ibrpipe.renderers.hierarchical.nodes import Nodes
 from ibrpipe.renderers.hierarchical.prefiltering import face_normals_of, is_composed
 from ibrpipe.types import Array
-from ibrpipe.types.prerendered import Prerendered, view_axes
+from ibrpipe.types.prerendered import OrthogonalViews, Prerendered, view_axes
 
 #: texels across a part, and slabs of a view (max1999, sec. 2)
 RESOLUTION, SLABS = 64, 6
-
-
-@dataclass(frozen=True, eq=False)
-class OrthogonalViews:
-    """What the six views of all parts show, as samples.
-
-    Attributes
-    ----------
-    firsts : (P + 1,) int64
-        First sample of each part.
-    places : (S, 3) float32
-        Where, in the part's coordinates.
-    albedo, normals : (S, 3) float32
-        Linear unshaded colour; unit normal, turned to the view that shows it.
-    """
-
-    firsts: Array
-    places: Array
-    albedo: Array
-    normals: Array
-
-    @property
-    def bytes(self) -> int:
-        """Bytes held."""
-        return self.places.nbytes + self.albedo.nbytes + self.normals.nbytes
 
 
 def orthogonal_views(nodes: Nodes, library: Prerendered) -> OrthogonalViews:

@@ -45,7 +45,7 @@ def draw_picture(
     """Draw what `camera` sees; with depth where `noted`; `captured`: what other renderers drew of the same view."""
     view = view_of(camera, shading.lighting, options.near or 1e-6 * data.radius)
     guide = {"slices": data.guide, "reproject": data.published, "polygons": data.polygons_only}[options.mode]
-    start = np.array([data.nodes.root], np.int32)
+    start = np.array([data.shown], np.int32)
     chosen = select(data.nodes, guide, start, view.pose.reshape(1, 12), view.limits(options.pixel_error))
     published = options.mode == "reproject"
     shown = without_slices(chosen) if published else chosen

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -68,7 +70,11 @@ class Slicing:
 
 
 def prerender_nodes(
-    nodes: Nodes, slicing: Slicing, overlaps: dict[str, float] | None = None, composed: bool = True
+    nodes: Nodes,
+    slicing: Slicing,
+    overlaps: dict[str, float] | None = None,
+    composed: bool = True,
+    pool: Executor | None = None,
 ) -> Prerendered:
     """Slice every node that occurs more than once.
 
@@ -78,6 +84,7 @@ def prerender_nodes(
     slicing : Slicing
     overlaps : by name, texels by which a slab goes on into the one behind it; 0 where not named
     composed : whether large nodes are sliced, too: from the slices of their copies
+    pool : takes the parts that are sliced from polygons, one by one; without it they are sliced in turn
     """
     began = perf_counter()
     chosen = [
@@ -90,16 +97,22 @@ def prerender_nodes(
     painted = [nodes.paints[nodes.faces[node] : nodes.faces[node + 1]].max(initial=0.0) for node in chosen]
     scale = float(max([1e-6, *painted]))
     rule, spheres = overlaps or {}, enclosing_spheres(nodes, chosen)
+    submit = _in_turn if pool is None else pool.submit
+    sliced = {
+        node: submit(
+            _slice_node, nodes.flattened(node), spheres[number], axes, resolutions, slicing, scale,
+            rule.get(nodes.names[node], 0.0), number,
+        )
+        for number, node in enumerate(chosen)
+        if not is_composed(nodes, node)
+    }  # fmt: skip
     stacks: list[Stacks] = []
     for number, node in enumerate(chosen):
-        if is_composed(nodes, node):
+        if node in sliced:
+            stacks += sliced.pop(node).result()
+        else:
             library = (spheres, np.array(resolutions, np.int64), *join_stacks(stacks, len(axes)))
             stacks += _compose_node(_sliced_copies(nodes, node, chosen), axes, library, slicing, number)
-        else:
-            overlap = rule.get(nodes.names[node], 0.0)
-            stacks += _slice_node(
-                nodes.flattened(node), spheres[number], axes, resolutions, slicing, scale, overlap, number
-            )
         _check_total(stacks, len(chosen))
     return Prerendered(
         tuple(nodes.names[node] for node in chosen),
@@ -111,6 +124,13 @@ def prerender_nodes(
         np.array([rule.get(nodes.names[node], 0.0) for node in chosen]),
         {"seconds": perf_counter() - began},
     )
+
+
+def _in_turn(work: Callable[..., list[Stacks]], *given: Any) -> Future[list[Stacks]]:
+    """A unit that is done at once, as an executor's that has finished."""
+    done: Future[list[Stacks]] = Future()
+    done.set_result(work(*given))
+    return done
 
 
 def _check_total(stacks: list[Stacks], parts: int) -> None:

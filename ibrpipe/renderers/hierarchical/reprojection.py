@@ -8,11 +8,11 @@ import numba
 import numpy as np
 
 from ibrpipe.core.hierarchy import reproject as kernels
-from ibrpipe.renderers.hierarchical.orthogonal_views import RESOLUTION, OrthogonalViews
+from ibrpipe.renderers.hierarchical.orthogonal_views import RESOLUTION
 from ibrpipe.renderers.hierarchical.selection import Selection
 from ibrpipe.renderers.hierarchical.view import View
 from ibrpipe.types import Array
-from ibrpipe.types.prerendered import Prerendered
+from ibrpipe.types.prerendered import OrthogonalViews, Prerendered
 
 
 def without_slices(chosen: Selection) -> Selection:

@@ -58,7 +58,7 @@ def test_coarser_texels_need_fewer_slices():
 
 
 def scene_data(scene):
-    library = run.prerender_all(run.scene_nodes(scene), Slicing(6, 6.0, 2, 4))
+    library = run.make_slices(run.scene_nodes(scene), Slicing(6, 6.0, 2, 4))
     return run.prepare(run.PrerenderedScene(scene, library), "hierarchical")
 
 
@@ -176,9 +176,9 @@ def test_without_the_peer_a_forest_of_too_many_polygons_has_times_alone(without_
 
 
 def test_the_command_writes_its_figures(tmp_path, monkeypatch):
-    made, prerender_all = [], run.prerender_all
+    made, make_slices = [], run.make_slices
     monkeypatch.setattr(
-        run, "prerender_all", lambda nodes, slicing: made.append(slicing) or prerender_all(nodes, slicing)
+        run, "make_slices", lambda nodes, slicing: made.append(slicing) or make_slices(nodes, slicing)
     )
     file = tmp_path / "made" / "forest.json"
     result = CliRunner().invoke(
