@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from ibrpipe.cli.options import PATH, example, json_option
+from ibrpipe.cli.options import PATH, example, json_option, mesh_color_option
 from ibrpipe.errors import MissingFileError
 from ibrpipe.io.untrusted.boundary import utf8_text
 from ibrpipe.io.yaml_settings import value_of
@@ -34,9 +34,18 @@ from ibrpipe.io.yaml_settings import value_of
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the candidates that greedy chooses from.")
 @click.option("--frusta", type=PATH, metavar="FILE", help="Take these frusta (YAML: eye, target, up, fov) instead.")
+@mesh_color_option
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Asset folder to write; frusta.yaml goes into it.")
 def command(
-    source: Path, maps: int, size: int, arrange: str, seed: int, frusta: Path | None, out: Path, as_json: bool
+    source: Path,
+    maps: int,
+    size: int,
+    arrange: str,
+    seed: int,
+    frusta: Path | None,
+    color: Path | None,
+    out: Path,
+    as_json: bool,
 ) -> None:
     """Cover MESH with few perspective depth images (schaufler1999), as an asset.
 
@@ -44,21 +53,23 @@ def command(
     taken as they are; the options that place images are not for it.
     """
     from ibrpipe.io.assets import write_asset
-    from ibrpipe.io.surfaces.meshes import read_surface
+    from ibrpipe.io.surfaces.colored_meshes import read_colored
     from ibrpipe.modelling import frusta as placing
     from ibrpipe.modelling.depth_images import depth_images_asset
 
     if source.is_dir():
+        if color is not None:
+            raise click.UsageError("--color is for a mesh; photos bring their colours")
         count = _write_views(source, out)
         click.echo(json.dumps({"maps": count}) if as_json else f"{out}: {count} depth images of the photos")
         return
-    whole = read_surface(source)
+    whole, colors = read_colored(source, color)
     if frusta is None and arrange == "greedy":
         chosen, share = placing.greedy_frusta(whole, maps, seed)
     else:
         chosen = placing.frusta_from_entries(_read(frusta)) if frusta else placing.cube_frusta(whole)
         share = placing.covered_share(whole, chosen, seed)
-    write_asset(depth_images_asset(whole, chosen, size, str(source)), out)
+    write_asset(depth_images_asset(whole, chosen, size, str(source), colors), out)
     placing.write_frusta(chosen, out / "frusta.yaml")
     if as_json:
         click.echo(json.dumps({"maps": len(chosen), "size": size, "covered": share}))

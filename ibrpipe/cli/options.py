@@ -55,6 +55,11 @@ class YamlValue(click.ParamType):
 
 PATH = click.Path(path_type=Path)
 
+#: of commands that sample a mesh
+mesh_color_option = click.option(
+    "--color", type=PATH, metavar="FILE", help="Image on the mesh's texture coordinates, instead of its own colours."
+)
+
 
 def config_options(config: type[StageConfig], only: Collection[str] | None = None) -> list[click.Option]:
     """Return one option for every field of `config`, or for those in `only`, with its help, bounds and default."""

@@ -11,16 +11,23 @@ import numpy as np
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.modelling.frusta import Frustum
-from ibrpipe.modelling.relief_textures import clay
+from ibrpipe.modelling.mesh_colors import Painter, painter_of
 from ibrpipe.types import Asset, Camera, DepthImage, LayeredDepthImage, Mesh, Texture
 from ibrpipe.types.layers import single_layer
+from ibrpipe.types.mesh_colors import MeshColors
 
 
-def depth_images_asset(mesh: Mesh, frusta: Sequence[Frustum], size: int, made_from: str) -> Asset:
-    """Return an asset with one perspective image, one sample per pixel, for each frustum."""
+def depth_images_asset(
+    mesh: Mesh, frusta: Sequence[Frustum], size: int, made_from: str, colors: MeshColors | None = None
+) -> Asset:
+    """Return an asset with one perspective image, one sample per pixel, for each frustum.
+
+    `colors` are those of the mesh's faces; clay unless given.
+    """
     caster = MeshCaster(mesh)
+    painter = painter_of(caster, colors)
     names = [f"map_{k:02d}" for k in range(len(frusta))]
-    return _asset([_layers(caster, frustum.camera(size)) for frustum in frusta], names, made_from)
+    return _asset([_layers(caster, painter, frustum.camera(size)) for frustum in frusta], names, made_from)
 
 
 def asset_of_views(images: Sequence[DepthImage], names: Sequence[str], made_from: str) -> Asset:
@@ -39,8 +46,11 @@ def _asset(layers: Sequence[LayeredDepthImage], names: Sequence[str], made_from:
     return Asset(tuple(Texture(each) for each in layers), info)
 
 
-def _layers(caster: MeshCaster, camera: Camera) -> LayeredDepthImage:
+def _layers(caster: MeshCaster, painter: Painter, camera: Camera) -> LayeredDepthImage:
     hits, rays = caster.cast_camera(camera), camera.pixel_rays()
     normal = caster.flat_normals[np.maximum(hits.face, 0)]
     there = (hits.face >= 0) & ((rays * normal).sum(axis=-1) < 0)
-    return single_layer(camera, np.where(there, hits.t, np.inf), clay(normal), normal, observed=True)
+    color, depth = np.zeros((*there.shape, 3), np.float32), hits.t[there]
+    right, down = (depth[:, None] * camera.world_from_pixel[:, k] for k in (0, 1))
+    color[there] = painter.at(hits.face[there], hits.uv[there], rays[there], (right, down))
+    return single_layer(camera, np.where(there, hits.t, np.inf), color, normal, observed=True)

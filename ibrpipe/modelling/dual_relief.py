@@ -9,7 +9,10 @@ import numpy as np
 from ibrpipe.embree import Hits, MeshCaster
 from ibrpipe.errors import ValueRangeError
 from ibrpipe.io.surfaces.materials import write_packed
+from ibrpipe.modelling.mesh_colors import ColorSampler
+from ibrpipe.picture_files import write_png
 from ibrpipe.types import Array, Mesh
+from ibrpipe.types.mesh_colors import MeshColors
 from ibrpipe.types.relief_mesh import ReliefMesh
 
 #: side -> axis looked along, its sign, then the world directions of the picture's right and down
@@ -25,7 +28,9 @@ SIDES = {
 RIM = 2
 
 
-def dual_relief_from_mesh(mesh: Mesh, side: str = "+z", texels: int = 512) -> ReliefMesh:
+def dual_relief_from_mesh(
+    mesh: Mesh, side: str = "+z", texels: int = 512, colors: MeshColors | None = None
+) -> ReliefMesh:
     """Sample front and back of a mesh orthographically onto one rectangle before it (policarpo2005, sec. 4).
 
     Parameters
@@ -36,11 +41,14 @@ def dual_relief_from_mesh(mesh: Mesh, side: str = "+z", texels: int = 512) -> Re
         Side that it is seen from.
     texels : int
         Along the longer edge of the rectangle.
+    colors : MeshColors, optional
+        Of the mesh's faces.
 
     Returns
     -------
     ReliefMesh
-        Two triangles; `height` is the nearest surface, `back` the farthest, `normal` that of the nearest.
+        Two triangles; `height` is the nearest surface, `back` the farthest, `normal` and `color` those of the nearest
+        (one texture has one colour: the back shows the front's). No colour where the mesh brings none.
     """
     if side not in SIDES:
         raise ValueRangeError(f"side is {side!r}; choose among {', '.join(SIDES)}")
@@ -57,14 +65,21 @@ def dual_relief_from_mesh(mesh: Mesh, side: str = "+z", texels: int = 512) -> Re
     y, x = np.mgrid[:rows, :columns] + 0.5
     starts = (u0 + x[..., None] * texel) * right + (v0 + y[..., None] * texel) * down + (top + texel) * toward
     directions = np.broadcast_to(-toward, starts.shape).reshape(-1, 3)
-    ray, hits = MeshCaster(mesh).cast_all(starts.reshape(-1, 3), directions)
+    caster = MeshCaster(mesh)
+    ray, hits = caster.cast_all(starts.reshape(-1, 3), directions)
+    color = None if colors is None else np.zeros((rows * columns, 3), np.float32)
     height, back = np.zeros(rows * columns, np.float32), np.ones(rows * columns, np.float32)
     if len(ray):
         first = np.r_[True, ray[1:] != ray[:-1]]
         last = np.r_[first[1:], True]
         height[ray[first]] = np.clip(1.0 - (hits.t[first] - texel) / thickness, 0.0, 1.0)
         back[ray[last]] = np.clip(1.0 - (hits.t[last] - texel) / thickness, 0.0, 1.0)
-        normal = _front_normals(mesh, ray[first], hits, first, (right, down, toward), rows * columns)
+        normal = _front_normals(caster, ray[first], hits, first, (right, down, toward), rows * columns)
+        if colors is not None and color is not None:
+            rays, across, along = (
+                np.tile(each, (int(first.sum()), 1)) for each in (-toward, texel * right, texel * down)
+            )
+            color[ray[first]] = ColorSampler(mesh, colors).at(hits.face[first], hits.uv[first], rays, (across, along))
     corner = u0 * right + v0 * down + top * toward
     across, along = columns * texel * right, rows * texel * down
     corners = np.stack([corner + along, corner + along + across, corner + across, corner])
@@ -75,16 +90,17 @@ def dual_relief_from_mesh(mesh: Mesh, side: str = "+z", texels: int = 512) -> Re
         height.reshape(rows, columns),
         thickness,
         back=back.reshape(rows, columns),
+        color=None if color is None else color.reshape(rows, columns, 3),
         normal=normal.reshape(rows, columns, 3) if len(ray) else None,
         edges="cut",
     )
 
 
 def _front_normals(
-    mesh: Mesh, texels: Array, hits: Hits, first: Array, axes: tuple[Array, Array, Array], count: int
+    caster: MeshCaster, texels: Array, hits: Hits, first: Array, axes: tuple[Array, Array, Array], count: int
 ) -> Array:
     """(count, 3) unit normals along u, along v and toward the viewer; straight up where nothing is hit."""
-    found = MeshCaster(mesh).smooth_normals(hits.face[first], hits.uv[first])
+    found = caster.smooth_normals(hits.face[first], hits.uv[first])
     local = np.stack([found @ axis for axis in axes], axis=1)
     local = np.where(local[:, 2:] < 0, -local, local)
     normal = np.tile(np.array([0, 0, 1], np.float32), (count, 1))
@@ -93,10 +109,15 @@ def _front_normals(
 
 
 def write_relief_quad(source: ReliefMesh, out: Path) -> None:
-    """Write a relief on two triangles as ``quad.obj`` and ``packed.png``."""
+    """Write a relief on two triangles as ``quad.obj`` and ``packed.png``; colours as ``color.png`` in a material."""
     out.mkdir(parents=True, exist_ok=True)
     write_packed(source, out / "packed.png")
-    lines = [f"# {source.thickness!r} units from the front of the relief to its back"]
+    lines = []
+    if source.color is not None:
+        write_png(out / "color.png", source.color)
+        (out / "quad.mtl").write_text("newmtl relief\nKd 1 1 1\nmap_Kd color.png\n", encoding="utf-8")
+        lines = ["mtllib quad.mtl", "usemtl relief"]
+    lines += [f"# {source.thickness!r} units from the front of the relief to its back"]
     lines += ["v {!r} {!r} {!r}".format(*(float(each) for each in place)) for place in source.mesh.vertices]
     lines += [f"vt {float(u)!r} {float(1.0 - v)!r}" for u, v in source.uv.reshape(-1, 2)]
     for f, face in enumerate(source.mesh.faces):

@@ -13,6 +13,7 @@ import numpy as np
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
+from ibrpipe.modelling.mesh_colors import ColorSampler, Painter, clay, painter_of
 from ibrpipe.types import (
     Array,
     Asset,
@@ -24,6 +25,7 @@ from ibrpipe.types import (
     Texture,
 )
 from ibrpipe.types.layers import single_layer
+from ibrpipe.types.mesh_colors import MeshColors
 
 #: side of a mesh -> axis that is looked along, its sign, and the axes of columns and rows (rows go down the picture)
 SIDES = {
@@ -34,8 +36,6 @@ SIDES = {
     "+z": (2, 1.0, 0, 1),
     "-z": (2, -1.0, 0, 1),
 }
-#: colour of a mesh that brings none
-CLAY = (0.62, 0.54, 0.46)
 #: texels of height between neighbours above which the renderers part the samples of an asset
 PARTED = 4.0
 #: neighbours in a depth image are one surface while the greater depth is below this multiple of the lesser
@@ -97,7 +97,7 @@ def relief_from_layers(layers: LayeredDepthImage | Texture) -> ReliefTexture:
 
 
 def relief_from_mesh(
-    mesh: Mesh, side: str = "+z", texels: int = 256, caster: MeshCaster | None = None
+    mesh: Mesh, side: str = "+z", texels: int = 256, colors: MeshColors | None = None
 ) -> ReliefTexture:
     """Sample the side of a mesh orthographically from a face of its bounding box; heights count outward from it.
 
@@ -106,17 +106,22 @@ def relief_from_mesh(
     side : {"+x", "-x", "+y", "-y", "+z", "-z"}
     texels : int
         Texels along the longer edge of the face.
-    caster : MeshCaster, optional
-        The mesh, prepared for casting.
+    colors : MeshColors, optional
+        Of the mesh's faces; clay, shaded by a light from above, in front and left, unless given.
 
     Returns
     -------
     ReliefTexture
-        Heights are at most 0 (on the face); colours are clay, shaded by a light from above, in front and left.
+        Heights are at most 0 (on the face).
     """
+    caster = MeshCaster(mesh)
+    return _side(caster, painter_of(caster, colors), side, texels)
+
+
+def _side(caster: MeshCaster, painter: Painter, side: str, texels: int) -> ReliefTexture:
     if side not in SIDES:
         raise ValueRangeError(f"side is {side!r}; choose among {', '.join(SIDES)}")
-    caster = caster or MeshCaster(mesh)
+    mesh = caster.mesh
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     axis, sign, across, down = SIDES[side]
     texel = max(high[across] - low[across], high[down] - low[down]) / texels
@@ -129,16 +134,25 @@ def relief_from_mesh(
     origin[axis] = high[axis] if sign > 0 else low[axis]
     frame = ParallelFrame(origin, a, b, f)
     hits, hit = _cast(caster, frame, counts[1], counts[0], float(np.linalg.norm(high - low)))
-    height = np.where(hit, hits[0], np.nan)
+    return ReliefTexture(frame, _painted(painter, frame, hits, hit), np.where(hit, hits[0], np.nan))
+
+
+def _painted(painter: Painter, frame: ParallelFrame, hits: tuple[Array, Array, Array], hit: Array) -> Array:
+    """Colours (H, W, 3) of what `_cast` met, each filtered to its texel."""
     color = np.zeros((*hit.shape, 3), np.float32)
-    color[hit] = clay(caster.smooth_normals(hits[1][hit], hits[2][hit]))
-    return ReliefTexture(frame, color, height)
+    rays, right, down = (np.broadcast_to(each, (int(hit.sum()), 3)) for each in (-frame.f, frame.a, frame.b))
+    color[hit] = np.maximum(painter.at(hits[1][hit], hits[2][hit], rays, (right, down)), 0.0)
+    return color
 
 
-def box_from_mesh(mesh: Mesh, texels: int = 256) -> tuple[ReliefTexture, ...]:
-    """Return the six relief textures on the faces of a mesh's bounding box (oliveira2000, sec. 4.1)."""
+def box_from_mesh(mesh: Mesh, texels: int = 256, colors: MeshColors | None = None) -> tuple[ReliefTexture, ...]:
+    """Return the six relief textures on the faces of a mesh's bounding box (oliveira2000, sec. 4.1).
+
+    Parameters as `relief_from_mesh` has them.
+    """
     caster = MeshCaster(mesh)
-    return tuple(relief_from_mesh(mesh, side, texels, caster) for side in SIDES)
+    painter = painter_of(caster, colors)
+    return tuple(_side(caster, painter, side, texels) for side in SIDES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +190,8 @@ class Plane:
 def reliefs_from_range(images: Sequence[DepthImage], planes: Sequence[Plane]) -> tuple[ReliefTexture, ...]:
     """Resample range data with photos onto planes (oliveira2000, sec. 4.4): the first surface behind each plane.
 
-    Every depth image becomes a mesh whose neighbours are joined where their depths agree to 5 %; rays from the planes
-    meet it, and the colours of its pixels are interpolated.
+    Every depth image becomes a mesh whose neighbours are joined where their depths agree to 5 %, with its picture as
+    texture; rays from the planes meet it, and read the picture filtered to their texel.
 
     Raises
     ------
@@ -185,25 +199,33 @@ def reliefs_from_range(images: Sequence[DepthImage], planes: Sequence[Plane]) ->
         There are no depth images, or nothing is in them.
     """
     parts = [_range_mesh(image) for image in images]
-    starts = np.cumsum([0] + [len(points) for points, _, _ in parts])
-    faces = [part[2] + start for part, start in zip(parts, starts, strict=False)]
+    starts = np.cumsum([0] + [len(points) for points, _ in parts])
+    faces = [part + start for (_, part), start in zip(parts, starts, strict=False)]
     if sum(len(part) for part in faces) == 0:
         raise ShapeError("the range data holds no surface; give depth images with finite depths")
-    mesh = Mesh(np.concatenate([part[0] for part in parts]), np.concatenate(faces))
-    colors = np.concatenate([part[1] for part in parts])
+    mesh = Mesh(np.concatenate([points for points, _ in parts]), np.concatenate(faces))
     caster = MeshCaster(mesh)
-    return tuple(_range_relief(caster, colors, plane) for plane in planes)
+    painter = ColorSampler(mesh, _photo_colors(images, [part for _, part in parts]))
+    return tuple(_range_relief(caster, painter, plane) for plane in planes)
 
 
-def _range_relief(caster: MeshCaster, colors: Array, plane: Plane) -> ReliefTexture:
+def _photo_colors(images: Sequence[DepthImage], faces: Sequence[Array]) -> MeshColors:
+    """Colours of meshes whose vertices are the pixels of the images, by those images."""
+    uv, index = [], []
+    for number, (image, own) in enumerate(zip(images, faces, strict=True)):
+        row, column = np.divmod(own, image.depth.shape[1])
+        uv.append(np.stack([(column + 0.5) / image.depth.shape[1], (row + 0.5) / image.depth.shape[0]], axis=-1))
+        index.append(np.full(len(own), number))
+    textures = tuple(image.color for image in images)
+    white = np.ones((sum(map(len, faces)), 3, 3))
+    return MeshColors(white, np.concatenate(uv), textures, np.concatenate(index), wraps=False)
+
+
+def _range_relief(caster: MeshCaster, painter: Painter, plane: Plane) -> ReliefTexture:
     frame = plane.frame
     hits, hit = _cast(caster, frame, plane.rows, plane.columns, -plane.near)
     hit &= -hits[0] <= plane.far
-    color = np.zeros((*hit.shape, 3), np.float32)
-    corner, uv = colors[caster.mesh.faces[hits[1][hit]]], hits[2][hit]
-    first = 1.0 - uv.sum(axis=1, keepdims=True)
-    color[hit] = np.maximum(corner[:, 0] * first + corner[:, 1] * uv[:, :1] + corner[:, 2] * uv[:, 1:], 0.0)
-    return ReliefTexture(frame, color, np.where(hit, hits[0], np.nan))
+    return ReliefTexture(frame, _painted(painter, frame, hits, hit), np.where(hit, hits[0], np.nan))
 
 
 def _cast(
@@ -216,8 +238,8 @@ def _cast(
     return (start - found.t.astype(np.float64), found.face, found.uv), np.isfinite(found.t)
 
 
-def _range_mesh(image: DepthImage) -> tuple[Array, Array, Array]:
-    """Points (H W, 3) world, colours (H W, 3), faces (F, 3) of a depth image."""
+def _range_mesh(image: DepthImage) -> tuple[Array, Array]:
+    """Points (H W, 3) world and faces (F, 3) of a depth image."""
     camera, depth = image.camera, image.depth.astype(np.float64)
     row, column = np.indices(depth.shape)
     points = camera.center + np.nan_to_num(depth)[..., None] * camera.pixel_rays()
@@ -227,14 +249,7 @@ def _range_mesh(image: DepthImage) -> tuple[Array, Array, Array]:
     corners = depth.ravel()[faces]
     one = np.isfinite(corners).all(axis=1)
     one &= np.nan_to_num(corners).max(axis=1) < SAME_SURFACE * np.nan_to_num(corners, nan=1.0).min(axis=1)
-    return points.reshape(-1, 3), image.color.reshape(-1, 3), faces[one].astype(np.int32)
-
-
-def clay(normal: Array) -> Array:
-    """Shaded colour (..., 3) of unit normals (..., 3)."""
-    light = np.array([-0.4, 0.55, 0.73]) / np.linalg.norm([-0.4, 0.55, 0.73])
-    shade = 0.3 + 0.7 * np.clip(0.5 + 0.5 * normal @ light, 0, 1) ** 1.5
-    return (np.array(CLAY) * shade[..., None]).astype(np.float32)
+    return points.reshape(-1, 3), faces[one].astype(np.int32)
 
 
 def asset_from_reliefs(reliefs: Sequence[ReliefTexture], names: Sequence[str], made_from: str) -> Asset:

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import ibrpipe
 from ibrpipe.cli.main import cli
-from ibrpipe.io.surfaces.meshes import write_mesh
+from ibrpipe.io.surfaces.meshes import read_mesh, write_mesh
 from ibrpipe.types import Mesh
 
 
@@ -63,6 +63,52 @@ def test_mesh_box_and_asset(tmp_path, cube):
     again = ibrpipe.read_asset(tmp_path / "again")
     for one, other in zip(box.textures, again.textures, strict=True):
         np.testing.assert_array_equal(one.layers.depth, other.layers.depth)
+
+
+@pytest.fixture
+def painted_cube(cube):
+    """The cube, red where x is 0 and green where x is 1."""
+    corners = np.array(list(np.ndindex(2, 2, 2)), np.float32)
+    tints = {"red": 1 - corners[:, 0], "green": corners[:, 0], "blue": np.zeros(8, np.float32)}
+    write_mesh(read_mesh(cube), cube.with_name("painted.ply"), tints)
+    return cube.with_name("painted.ply")
+
+
+def test_meshes_are_sampled_in_their_colours(tmp_path, painted_cube):
+    assert call("relief", "box", painted_cube, "--texels", 8, "--out", tmp_path / "box").exit_code == 0
+    box = ibrpipe.read_asset(tmp_path / "box")
+    np.testing.assert_allclose(box.textures[0].layers.color, np.tile([0, 1, 0], (64, 1)), atol=0.01)  # +x
+    np.testing.assert_allclose(box.textures[1].layers.color, np.tile([1, 0, 0], (64, 1)), atol=0.01)
+    assert call("relief", "mesh", painted_cube, "--texels", 8, "--out", tmp_path / "one").exit_code == 0
+    ramp = ibrpipe.read_asset(tmp_path / "one").textures[0].layers.color
+    assert np.ptp(ramp[:, 0]) > 0.8
+    done = call("depth-images", painted_cube, "--arrange", "cube", "--size", 16, "--out", tmp_path / "maps")
+    assert done.exit_code == 0
+    colors = np.concatenate([each.layers.color for each in ibrpipe.read_asset(tmp_path / "maps").textures])
+    np.testing.assert_allclose(colors[:, 0] + colors[:, 1], 1.0, atol=0.02)
+    assert np.abs(colors[:, 2]).max() < 0.01
+
+
+def test_a_dual_relief_is_mapped_in_its_colours(tmp_path, painted_cube):
+    done = call("relief", "dual", painted_cube, "--side", "+x", "--texels", 16, "--out", tmp_path / "dual")
+    assert done.exit_code == 0
+    source = ibrpipe.read_relief_mesh(tmp_path / "dual/quad.obj", packed=tmp_path / "dual/packed.png", edges="cut",
+                                      thickness=1.0)  # fmt: skip
+    there = source.height > source.back
+    np.testing.assert_allclose(source.color[there], np.tile([0, 1, 0], (there.sum(), 1)), atol=0.01)
+
+
+def test_an_image_is_laid_on_a_mesh_that_names_none(tmp_path, cube):
+    lines = ["v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1", "f 1/1 2/2 3/3 4/4"]
+    (tmp_path / "quad.obj").write_text("\n".join(lines))
+    cv2.imwrite(str(tmp_path / "blue.png"), np.uint8([[[255, 0, 0]]]))
+    words = ("--color", tmp_path / "blue.png", "--out", tmp_path / "a")
+    assert call("relief", "mesh", tmp_path / "quad.obj", "--texels", 4, *words).exit_code == 0
+    color = ibrpipe.read_asset(tmp_path / "a").textures[0].layers.color
+    np.testing.assert_allclose(color, np.tile([0, 0, 1], (16, 1)), atol=1e-3)
+    wrong = call("relief", "mesh", cube, *words)
+    assert (wrong.exit_code, wrong.output.count("\n")) == (1, 1)
+    assert "has no texture coordinates" in wrong.output
 
 
 def test_failures_are_one_line(tmp_path, cube):

@@ -32,7 +32,7 @@ def test_frames_of_a_mapped_mesh(tmp_path, ball):
         done = call("relief", "map", ball, "--height", tmp_path / "height.png", "--repeat", 4, 4, "--path", orbit,
                     "--model", model, light, 3, 4, 5, "--json", "--out", out)  # fmt: skip
         assert done.exit_code == 0
-        assert [each["view"] for each in json.loads(done.output)] == ["orbit_0000", "orbit_0001"]
+        assert [each["view"] for each in json.loads(done.stdout)] == ["orbit_0000", "orbit_0001"]
         frames = json.loads((out / "frames.json").read_text())
         assert frames["options"]["model"] == model
         assert (out.parent / frames["frames"][0]["file"]).is_file()

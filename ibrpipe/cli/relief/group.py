@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ibrpipe.cli.options import PATH, example
+from ibrpipe.cli.options import PATH, example, mesh_color_option
 from ibrpipe.cli.relief.meshes import dual, mesh_map
 from ibrpipe.errors import ConfigError, IbrError, MissingFileError
 from ibrpipe.io.untrusted.boundary import utf8_text
@@ -100,25 +100,29 @@ def asset(asset: Path, out: Path) -> None:
 @click.argument("mesh", type=PATH)
 @click.option("--side", default="+z", show_default=True, help="Side it is seen from: +x, -x, +y, -y, +z or -z.")
 @_TEXELS
+@mesh_color_option
 @_OUT
-def mesh(mesh: Path, side: str, texels: int, out: Path) -> None:
-    """Sample one side of MESH orthographically from its bounding box."""
-    from ibrpipe.io.surfaces.meshes import read_surface
+def mesh(mesh: Path, side: str, texels: int, color: Path | None, out: Path) -> None:
+    """Sample one side of MESH orthographically from its bounding box, in its colours; clay without any."""
+    from ibrpipe.io.surfaces.colored_meshes import read_colored
     from ibrpipe.modelling.relief_textures import relief_from_mesh
 
-    _write([relief_from_mesh(read_surface(mesh), side, texels)], [side], mesh, out)
+    surface, colors = read_colored(mesh, color)
+    _write([relief_from_mesh(surface, side, texels, colors)], [side], mesh, out)
 
 
 @command.command(epilog=example("ibrpipe relief box bunny.ply --texels 512 --out bunny"))
 @click.argument("mesh", type=PATH)
 @_TEXELS
+@mesh_color_option
 @_OUT
-def box(mesh: Path, texels: int, out: Path) -> None:
-    """Sample all six sides of MESH: an object that is seen from everywhere."""
-    from ibrpipe.io.surfaces.meshes import read_surface
+def box(mesh: Path, texels: int, color: Path | None, out: Path) -> None:
+    """Sample all six sides of MESH in its colours: an object that is seen from everywhere."""
+    from ibrpipe.io.surfaces.colored_meshes import read_colored
     from ibrpipe.modelling.relief_textures import SIDES, box_from_mesh
 
-    _write(box_from_mesh(read_surface(mesh), texels), list(SIDES), mesh, out)
+    surface, colors = read_colored(mesh, color)
+    _write(box_from_mesh(surface, texels, colors), list(SIDES), mesh, out)
 
 
 @command.command(name="range", epilog=example("ibrpipe relief range captures/room --planes planes.yaml --out room"))

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ibrpipe.cli.options import PATH, config_options, example, json_option
+from ibrpipe.cli.options import PATH, config_options, example, json_option, mesh_color_option
 from ibrpipe.renderers.option_check import checked_options
 from ibrpipe.renderers.relief import ReliefRenderer
 from ibrpipe.renderers.relief.options import ReliefOptions
@@ -115,13 +115,15 @@ mesh_map.params += [*_look_options(), json_option]
 @click.argument("mesh", type=PATH)
 @click.option("--side", default="+z", show_default=True, help="Side it is seen from: +x, -x, +y, -y, +z or -z.")
 @click.option("--texels", type=click.IntRange(8, 8192), default=512, show_default=True, help="Along the longer edge.")
+@mesh_color_option
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for quad.obj and packed.png.")
-def dual(mesh: Path, side: str, texels: int, out: Path) -> None:
+def dual(mesh: Path, side: str, texels: int, color: Path | None, out: Path) -> None:
     """Sample front and back of MESH onto one rectangle: normal x, y and two depths in one image."""
-    from ibrpipe.io.surfaces.meshes import read_surface
+    from ibrpipe.io.surfaces.colored_meshes import read_colored
     from ibrpipe.modelling.dual_relief import dual_relief_from_mesh, write_relief_quad
 
-    source = dual_relief_from_mesh(read_surface(mesh), side, texels)
+    surface, colors = read_colored(mesh, color)
+    source = dual_relief_from_mesh(surface, side, texels, colors)
     write_relief_quad(source, out)
     rows, columns = source.height.shape
     click.echo(f"{out}: {columns} x {rows} texels; relief map {out}/quad.obj --packed {out}/packed.png --edges cut "

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import prange
 
-from ibrpipe.core.jit import helper
+from ibrpipe.core.jit import helper, kernel
 
 
 def halve_axis(image: np.ndarray, axis: int) -> np.ndarray:
@@ -92,3 +93,10 @@ def read_footprint(texels, table, wraps, u, v, foot, most, out):
         add_level(texels, table, fine, wraps, at_u, at_v, share * (1.0 - rest), out)
         if rest > 0.0:
             add_level(texels, table, fine + 1, wraps, at_u, at_v, share * rest, out)
+
+
+@kernel
+def read_points(texels, table, wraps, places, feet, most, out):
+    # places (N, 2), feet (N, 4) -> out (N, 4) float64, as read_footprint reads each
+    for n in prange(places.shape[0]):
+        read_footprint(texels, table, wraps, places[n, 0], places[n, 1], feet[n], most, out[n])

@@ -8,18 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ibrpipe.core.color import srgb_decode
 from ibrpipe.errors import FormatError, IbrError
-from ibrpipe.io.surfaces.gltf_file import KEPT_COLOR
-from ibrpipe.io.surfaces.mesh_materials import laid_uv, material_color
-from ibrpipe.io.surfaces.meshes import read_vertex_values, write_mesh
+from ibrpipe.io.surfaces.colored_meshes import PLAIN
+from ibrpipe.io.surfaces.meshes import write_mesh
+from ibrpipe.io.surfaces.part_paint import CHANNELS, part_paint, stored_albedo
 from ibrpipe.io.surfaces.scene_files import read_parts
 from ibrpipe.types import Array, Mesh, PaintedMesh
-
-#: albedo of what brings no colour
-PLAIN = (0.6, 0.6, 0.6)
-#: properties of a PLY's vertices that hold linear albedo as floats
-CHANNELS = ("red", "green", "blue")
 
 
 def read_painted(
@@ -46,14 +40,14 @@ def read_painted(
         As `read_mesh`.
     """
     parts = read_parts(path, materials=color is None).parts
-    stored = read_vertex_values(path) if path.suffix.lower() == ".ply" else {}
+    albedo = stored_albedo(path) if len(parts) == 1 else None
     found = []
     for part in parts:
         count = len(part.vertices)
         if color is not None:
             paint = np.broadcast_to(np.asarray(color, np.float32), (count, 3))
-        elif len(parts) == 1 and all(stored.get(name, part.faces).dtype == np.float32 for name in CHANNELS):
-            paint = np.stack([stored[name] for name in CHANNELS], axis=1)
+        elif albedo is not None:
+            paint = albedo
         else:
             paint = vertex_colors(path, part)
         found.append(painted(path, part, paint, specular, shininess))
@@ -80,25 +74,12 @@ def vertex_colors(path: Path, part: Any, factor: ArrayLike | None = None) -> Arr
     factor : (3,), optional
         The material's own colour, linear, exactly; trimesh keeps 8 bits of it.
     """
-    count = len(part.vertices)
-    kept = part.vertex_attributes.get(KEPT_COLOR)
-    material = getattr(part.visual, "material", None)
-    if material is None and kept is None:
-        if not part.visual.defined:
-            return np.tile(np.asarray(PLAIN, np.float32), (count, 1))
-        return srgb_decode(np.asarray(part.visual.vertex_colors, np.float32)[:, :3] / 255.0)
-    found = np.ones((count, 3)) if kept is None else np.asarray(kept, np.float64)[:, :3]
-    picture = None if material is None else material_color(path, material, factored=factor is None)
-    if factor is not None:
-        found = found * np.asarray(factor, np.float64)
-    if picture is not None:
-        uv = getattr(part.visual, "uv", None)
-        plain = picture.shape[:2] == (1, 1) or uv is None or len(uv) != count
-        at = None if plain else laid_uv(path, np.asarray(uv, np.float64), material)
-        found = found * (picture.mean(axis=(0, 1)) if at is None else _sampled(picture, at))
-    elif factor is None and kept is None:
-        return np.tile(np.asarray(PLAIN, np.float32), (count, 1))
-    return found.astype(np.float32)
+    paint = part_paint(path, part, factor)
+    if paint is None:
+        return np.tile(np.asarray(PLAIN, np.float32), (len(part.vertices), 1))
+    if paint.texture is None or paint.uv is None:
+        return paint.base.astype(np.float32)
+    return (paint.base * _sampled(paint.texture, paint.uv)).astype(np.float32)
 
 
 def _sampled(picture: Array, uv: Array) -> Array:
