@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
     from ibrpipe.renderers.composite import composite
     from ibrpipe.renderers.hierarchical.forms import prerender
+    from ibrpipe.renderers.ldi.progressive import render_progressive
     from ibrpipe.renderers.orbits import orbit
     from ibrpipe.stages.whole_run import FinishedRun, run
     from ibrpipe.types import (
@@ -72,6 +73,7 @@ _HOME = {
     "read_scene": "io.scenes",
     "read_textures": "io.assets",
     "render": "renderers.api",
+    "render_progressive": "renderers.ldi.progressive",
     "run": "stages.whole_run",
     "write_asset": "io.assets",
     "write_scene": "io.scenes",
@@ -113,6 +115,7 @@ __all__ = [
     "read_scene",
     "read_textures",
     "render",
+    "render_progressive",
     "renderers",
     "run",
     "write_asset",

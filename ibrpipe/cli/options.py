@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -51,6 +51,18 @@ class YamlValue(click.ParamType):
             return value_of(value, "value") if isinstance(value, str) else value
         except ConfigError as error:
             self.fail(str(error), param, ctx)
+
+
+class LiteralChoice(click.Choice[str]):
+    """One of several values, of which some may be numbers: these stay numbers."""
+
+    def __init__(self, values: Sequence[Any]) -> None:
+        super().__init__([str(value) for value in values])
+        self._values = {str(value): value for value in values}
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the value whose text was given."""
+        return self._values[super().convert(str(value), param, ctx)]
 
 
 PATH = click.Path(path_type=Path)
@@ -111,7 +123,7 @@ def _kind(annotation: Any, field: FieldInfo) -> tuple[click.ParamType, bool]:
 
 def _simple(annotation: Any, bounds: dict[str, Any]) -> click.ParamType | None:
     if get_origin(annotation) is Literal:
-        return click.Choice([str(choice) for choice in get_args(annotation)])
+        return LiteralChoice(get_args(annotation))
     if annotation is int:
         return click.IntRange(**bounds) if bounds else click.INT
     if annotation is float:

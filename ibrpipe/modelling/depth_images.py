@@ -14,7 +14,7 @@ from ibrpipe.modelling.frusta import Frustum
 from ibrpipe.modelling.mesh_colors import Painter, painter_of
 from ibrpipe.types import Asset, Camera, DepthImage, LayeredDepthImage, Mesh, Texture
 from ibrpipe.types.layers import single_layer
-from ibrpipe.types.mesh_colors import MeshColors
+from ibrpipe.types.mesh import MeshColors
 
 
 def depth_images_asset(

@@ -12,7 +12,7 @@ from ibrpipe.io.surfaces.materials import write_packed
 from ibrpipe.modelling.mesh_colors import ColorSampler
 from ibrpipe.picture_files import write_png
 from ibrpipe.types import Array, Mesh
-from ibrpipe.types.mesh_colors import MeshColors
+from ibrpipe.types.mesh import MeshColors
 from ibrpipe.types.relief_mesh import ReliefMesh
 
 #: side -> axis looked along, its sign, then the world directions of the picture's right and down

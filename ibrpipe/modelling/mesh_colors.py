@@ -13,7 +13,7 @@ import numpy as np
 from ibrpipe.core.relief_mesh.mips import build_mips, read_points
 from ibrpipe.embree import MeshCaster
 from ibrpipe.types import Array, Mesh
-from ibrpipe.types.mesh_colors import MeshColors
+from ibrpipe.types.mesh import MeshColors
 
 #: most probes of one texel's footprint
 PROBES = 8

@@ -25,7 +25,7 @@ from ibrpipe.types import (
     Texture,
 )
 from ibrpipe.types.layers import single_layer
-from ibrpipe.types.mesh_colors import MeshColors
+from ibrpipe.types.mesh import MeshColors
 
 #: side of a mesh -> axis that is looked along, its sign, and the axes of columns and rows (rows go down the picture)
 SIDES = {

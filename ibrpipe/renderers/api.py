@@ -53,6 +53,7 @@ def prepare(source: Source, renderer: str = "ldi") -> Prepared:
     Parameters
     ----------
     source : ReliefTexture, DepthImage, LayeredDepthImage, Texture, ReliefMesh, Asset, or a list of these; a Scene
+        Of a scene, a renderer that knows none draws what was captured, and `hierarchical` the meshes.
     renderer : str
         A name from `renderers`.
 
@@ -70,6 +71,11 @@ def prepare(source: Source, renderer: str = "ldi") -> Prepared:
         if source.renderer != renderer:
             raise RendererError(f"this was prepared for {source.renderer!r}, not {renderer!r}; prepare the source anew")
         return source
+    if isinstance(source, Scene | PrerenderedScene) and _is_joined((source,), chosen):
+        from ibrpipe.renderers.joined_scenes import join_scene
+
+        joined = join_scene(source, renderer)
+        return Prepared(renderer, (source,), joined, joined.bytes)
     sources = tuple(_flatten(source))
     if not sources:
         raise RendererError("there is nothing to render: the list or asset is empty; give at least one texture")
@@ -126,7 +132,15 @@ def render(
     from ibrpipe.compile_progress import compiling_told
 
     with compiling_told():
-        return _drawn(prepare(source, renderer), camera, chosen(), wanted, checked)
+        prepared = prepare(source, renderer)
+        if _is_joined(prepared.sources, chosen):
+            return prepared.data.draw(camera, wanted, {name: getattr(checked, name) for name in options})
+        return _drawn(prepared, camera, chosen(), wanted, checked)
+
+
+def _is_joined(sources: tuple[Any, ...], chosen: type[Renderer[Any, Any]]) -> bool:
+    """Whether a scene is given to a renderer that knows none."""
+    return isinstance(sources[0], Scene | PrerenderedScene) and not isinstance(sources[0], chosen.accepts)
 
 
 def _drawn(

@@ -62,6 +62,13 @@ class Pose:
         columns = project @ np.linalg.inv(self.linear[:3])
         return np.concatenate([columns, (offset - columns @ self.shift[:3])[:, None]], axis=1)
 
+    @property
+    def slack(self) -> float:
+        """A millionth of a texel in field depth: what a level field is thick, so that one at depth 0 is met, too."""
+        if self.perspective:
+            return 0.0
+        return 1e-6 * float(np.linalg.norm(np.linalg.inv(self.linear[:3])[:, :2], axis=0).min())
+
     def reach(self, columns: float, rows: float, depths: Array) -> float:
         """Size of the field in scene units, from its size in cells and its range of field depths."""
         if len(depths) == 0:

@@ -9,7 +9,7 @@ from statistics import median
 from time import perf_counter
 from typing import Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from ibrpipe.config import StageConfig
 from ibrpipe.engine.stage import Stage, StageOutputs, artifact
@@ -20,8 +20,9 @@ from ibrpipe.io.frames import frame_entry, write_frame, write_frames
 from ibrpipe.io.paths import OWN_PATHS, CameraPath, camera_path, is_orbit, orbit, parse_orbit, read_path
 from ibrpipe.io.videos.write import write_video
 from ibrpipe.io.views import ViewSet, read_views
+from ibrpipe.picture_files import write_png
 from ibrpipe.progress import track
-from ibrpipe.renderers.api import prepare, render
+from ibrpipe.renderers.api import Prepared, prepare, render
 from ibrpipe.renderers.registry import shows_view_dependence
 from ibrpipe.renderers.renderer_spec import Choice, choose, with_samples
 from ibrpipe.types import Array, Asset, Camera, Part, Scene
@@ -61,6 +62,9 @@ class RenderConfig(StageConfig):
     samples: Literal[1, 4, 9, 16, 64, "adaptive"] = Field(
         default="adaptive", description="Rays of a pixel; adaptive = one, and several where a pixel shows an edge"
     )
+    progressive: bool = Field(
+        default=False, description="Renderer ldi: write the picture without residuals first, as VIEW_first.png"
+    )
     repeats: int = Field(default=3, ge=1, le=1000, description="Times every frame is rendered; the median time counts")
     video: bool = Field(default=False, description="Also write the frames as MP4: H.264 with the extra av, else VP9")
     fps: float = Field(default=24.0, gt=0, le=1000, description="Frames per second of the video")
@@ -81,6 +85,14 @@ class RenderConfig(StageConfig):
             if ":" in name:
                 choose(name)
         return names
+
+    @model_validator(mode="after")
+    def _progress_is_known(self) -> RenderConfig:
+        other = [text for text in self.renderers if choose(text).name != "ldi"] if self.progressive else []
+        if other or (self.progressive and "color" not in self.outputs):
+            told = f"not with {other[0]}" if other else "and only with outputs that hold color"
+            raise ValueError(f"progressive: pictures come one after another with renderer ldi, {told}")
+        return self
 
     @field_validator("renderers", "outputs")
     @classmethod
@@ -200,6 +212,9 @@ def _render_all(
     render(prepared, path[0][1].resized(8, 8), renderer, config.outputs, **options)  # compiles, outside the timer
     entries = []
     for name, camera in track(path, f"render {choice.text}"):
+        if config.progressive:
+            entries.append(_progressive(prepared, name, camera, choice, folder, config, options))
+            continue
         milliseconds = []
         for _ in range(config.repeats):
             began = perf_counter()
@@ -208,6 +223,27 @@ def _render_all(
         files = write_frame(frame, folder / name)
         entries.append(frame_entry(name, choice.text, camera, frame, files, median(milliseconds)))
     return entries
+
+
+def _progressive(
+    prepared: Prepared, name: str, camera: Camera, choice: Choice, folder: Path, config: RenderConfig, options: Any
+) -> RenderedFrame:
+    """Render one view: its first picture is on the disk before the next is begun. Times are those of rendering."""
+    from ibrpipe.renderers.ldi.progressive import render_progressive
+
+    times: list[tuple[float, float]] = []
+    for repeat in range(config.repeats):
+        first, spent, began = None, 0.0, perf_counter()
+        for frame in render_progressive(prepared, camera, config.outputs, **options):
+            spent += 1e3 * (perf_counter() - began)
+            first = spent if first is None else first
+            if repeat == 0 and first == spent and frame.color is not None:
+                write_png(folder / f"{name}_first.png", frame.color, frame.alpha)
+            began = perf_counter()
+        times.append((first or 0.0, spent))
+    first_ms, whole_ms = (median(each) for each in zip(*times, strict=True))
+    entry = frame_entry(name, choice.text, camera, frame, write_frame(frame, folder / name), whole_ms)
+    return entry.model_copy(update={"first": f"{folder.name}/{name}_first.png", "first_ms": round(first_ms, 4)})
 
 
 STAGE = Stage(

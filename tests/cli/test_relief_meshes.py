@@ -11,7 +11,7 @@ import trimesh
 from click.testing import CliRunner
 
 from ibrpipe.cli.main import cli
-from ibrpipe.io.photos.images import read_depth
+from ibrpipe.io.photos.images import read_depth, read_image
 
 
 def call(*words):
@@ -37,6 +37,42 @@ def test_frames_of_a_mapped_mesh(tmp_path, ball):
         assert frames["options"]["model"] == model
         assert (out.parent / frames["frames"][0]["file"]).is_file()
         assert np.isfinite(read_depth(out / "orbit_0000.exr")).mean() > 0.2
+
+
+def test_light_is_set_on_the_command_line(tmp_path, ball):
+    words = ("relief", "map", ball, "--height", tmp_path / "height.png", "--path",
+             "orbit:frames=1,width=40,height=30,up=y", "--light", 3, 4, 5)  # fmt: skip
+
+    def seen(name, *more):
+        done = call(*words, *more, "--out", tmp_path / name)
+        assert done.exit_code == 0, done.output
+        pixels = read_image(tmp_path / name / "orbit_0000.exr")
+        return pixels[pixels[..., 3] == 1, :3]
+
+    dark = ("--diffuse", 0, "--specular", 0)
+    np.testing.assert_allclose(seen("a", "--ambient", 0.4, *dark), 0.4, atol=1e-3)  # the surface is white
+    tinted = seen("b", "--ambient", "0.1,0.2,0.3", *dark)
+    np.testing.assert_allclose(tinted, np.tile([0.1, 0.2, 0.3], (len(tinted), 1)), atol=1e-3)
+    usual, matt = seen("c"), seen("d", "--specular", 0)
+    assert usual.max() > matt.max() + 0.05
+    assert seen("e", "--shininess", 200).sum() < usual.sum()
+    assert json.loads((tmp_path / "b/frames.json").read_text())["options"]["ambient"] == [0.1, 0.2, 0.3]
+    wrong = call(*words, "--ambient", "0.1,x", "--out", tmp_path / "w")
+    assert (wrong.exit_code, "neither a number nor three" in wrong.output) == (2, True)
+    few = call(*words, "--ambient", "0.1,0.2", "--out", tmp_path / "w")
+    assert (few.exit_code, "one or three numbers" in few.output) == (1, True)
+
+
+def test_a_quad_is_seen_from_behind_where_asked(tmp_path, ball):
+    call("relief", "dual", ball, "--side", "-x", "--texels", 32, "--out", tmp_path / "d")
+    words = ("relief", "map", tmp_path / "d/quad.obj", "--packed", tmp_path / "d/packed.png", "--edges", "cut",
+             "--path", "orbit:width=40,height=40,frames=4,elevation=0")  # fmt: skip
+    call(*words, "--out", tmp_path / "one")
+    call(*words, "--two-sided", "--out", tmp_path / "two")
+    one, two = ([np.isfinite(read_depth(file)).sum() for file in sorted((tmp_path / name).glob("*.exr"))]
+                for name in ("one", "two"))  # fmt: skip
+    assert min(one) == 0
+    assert (np.array(two) > 0).sum() > (np.array(one) > 0).sum()
 
 
 def test_dual_depth_object_keeps_its_outline(tmp_path, ball):

@@ -11,9 +11,12 @@ from click.testing import CliRunner
 import ibrpipe
 from ibrpipe.cli.main import cli
 from ibrpipe.errors import ConfigError
-from ibrpipe.io.photos.images import read_image
+from ibrpipe.io.photos.images import read_depth, read_image
+from ibrpipe.io.surfaces.meshes import write_mesh
+from ibrpipe.modelling.relief_textures import asset_from_reliefs
 from ibrpipe.stages.render import _shown_bounds
 from ibrpipe.synthetic.instanced.forest import forest
+from ibrpipe.types import Mesh
 from ibrpipe.types.camera import ParallelFrame
 from ibrpipe.types.layers import single_layer
 
@@ -118,7 +121,11 @@ def test_a_scene_is_prerendered_and_rendered_along_an_orbit(tmp_path):
             1,
             "prerendered.json: does not exist",
         ),
-        (["--scene", "scene", "--renderers", "ldi"], 1, "renderer 'ldi' cannot take a Scene"),
+        (["--scene", "scene", "--renderers", "ldi"], 1, "renderer 'ldi' cannot take a Scene of meshes alone"),
+        (["--scene", "scene", "--mesh", "m.ply"], 2, "--mesh does nothing for a scene"),
+        (["--asset", "a", "--asset", "b", "--views", "v"], 2, "--views does nothing for several assets or meshes"),
+        (["--asset", "a", "--mesh", "b.ply", "--dask", "tcp://h:1"], 2, "--dask does nothing for several assets"),
+        (["--progressive", "--renderers", "splat"], 2, "with renderer ldi, not with splat"),
     ],
 )
 def test_wrong_calls_of_render_with_scenes_are_told(args, code, message, tmp_path, monkeypatch):
@@ -133,3 +140,80 @@ def test_an_orbit_goes_round_the_copies_and_not_the_ground():
     assert max(abs(low[0]), high[0]) < 20 < forest(4).bounds["forest"].high[0]
     with pytest.raises(ConfigError, match="the scene is empty"):
         _shown_bounds(ibrpipe.Scene([ibrpipe.Part("a")], "a"))
+
+
+def sheet(folder, x, height, tint):
+    """Write a level relief texture 1 x 1 in the plane z = height, its corner at x."""
+    frame = ParallelFrame(
+        np.array([x, 0.5, 0.0]), np.array([0.05, 0, 0]), np.array([0, -0.05, 0]), np.array([0, 0, 1.0])
+    )
+    color = np.tile(np.float32(tint), (20, 20, 1))
+    relief = ibrpipe.ReliefTexture(frame, color, np.full((20, 20), height, np.float32))
+    ibrpipe.write_asset(asset_from_reliefs([relief], ["sheet"], "test"), folder)
+    return folder
+
+
+def rendered(folder):
+    """Colour, depth and camera of the one frame in a folder."""
+    entry = json.loads((folder / "frames.json").read_text())["frames"][0]
+    pixels = read_image(folder / entry["file"])
+    return pixels[..., :3], read_depth(folder / entry["file"]), np.array(entry["cam_from_world"])
+
+
+@pytest.mark.parametrize("renderer", ["ldi", "prewarp", "epipolar", "relief", "splat"])
+def test_several_assets_and_meshes_are_in_one_picture(renderer, tmp_path):
+    low, high = sheet(tmp_path / "low", 0.0, 0.0, (1, 0, 0)), sheet(tmp_path / "high", 0.5, 0.2, (0, 1, 0))
+    corners = np.array([[1.2, -0.6, 0.4], [1.8, -0.6, 0.4], [1.8, 0.6, 0.4], [1.2, 0.6, 0.4]])
+    write_mesh(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), tmp_path / "blue.ply")
+    words = ("--path", "orbit:frames=1,width=90,height=60,elevation=89.9", "--samples", 1, "--repeats", 1)
+    words = ("--mesh", tmp_path / "blue.ply", "--renderers", renderer, *words, "--out", tmp_path / "out")
+    both = call("render", "--asset", low, "--asset", high, *words)
+    assert both.exit_code == 0, both.output
+    (folder,) = (tmp_path / "out").glob("render-orbit*")
+    color, depth, pose = rendered(folder)
+    near = np.isfinite(depth)
+    eye_height = -(pose[:, :3].T @ pose[:, 3])[2]
+    red, green = (color[..., 0] > 0.9) & near, (color[..., 1] > 0.9) & near
+    grey = near & ~red & ~green
+    for place, height in ((red, 0.0), (green, 0.2), (grey, 0.4)):
+        assert place.sum() > 60
+        assert np.median(depth[place]) == pytest.approx(eye_height - height, abs=0.02)
+    # the upper sheet hides half of the lower one, and the mesh some of the upper one
+    assert 1.6 < green.sum() / red.sum() < 2.0
+
+
+def test_a_scene_places_assets_for_any_renderer(tmp_path):
+    sheet(tmp_path / "sheet", -0.5, 0.0, (1, 0, 0))
+    text = """
+version: 1
+root: room
+parts:
+  sheet: {assets: [sheet]}
+  room: {children: [{part: sheet, at: [{translate: [0, 0, 1]}, {translate: [2, 0, 0], scale: 2}]}]}
+"""
+    (tmp_path / "scene.yaml").write_text(text)
+    words = ("--path", "orbit:frames=1,width=90,height=60,elevation=89.9", "--samples", 1, "--repeats", 1)
+    done = call("render", "--scene", tmp_path, "--renderers", "prewarp", *words, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    _, depth, pose = rendered(next((tmp_path / "out").glob("render-*")))
+    eye_height = -(pose[:, :3].T @ pose[:, 3])[2]
+    found, counts = np.unique(np.round(eye_height - depth[np.isfinite(depth)], 1), return_counts=True)
+    assert set(found[counts > 5]) == {0.0, 1.0}
+    share = counts[found == 0.0].sum() / counts[found == 1.0].sum()
+    assert share == pytest.approx(4.0 * ((eye_height - 1) / eye_height) ** 2, rel=0.1)
+
+
+def test_the_first_picture_is_written_first(tmp_path, monkeypatch):
+    asset = sheet(tmp_path / "a", 0.0, 0.0, (1, 0, 0))
+    words = ("--path", "orbit:frames=1,width=40,height=30", "--progressive", "--repeats", 2)
+    done = call("render", "--asset", asset, *words, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    folder = next((tmp_path / "out").glob("render-*"))
+    entry = json.loads((folder / "frames.json").read_text())["frames"][0]
+    first, last = folder / entry["first"], folder / entry["png"]
+    assert first.name == f"{last.stem}_first.png"
+    assert first.stat().st_mtime_ns <= last.stat().st_mtime_ns
+    assert 0 < entry["first_ms"] <= entry["ms"]
+    one, other = (read_image(file)[..., 3] for file in (first, last))
+    assert set(np.unique(one)) == {0, 1}  # one ray a pixel
+    assert len(np.unique(other)) > 2  # several at edges

@@ -11,7 +11,7 @@ from ibrpipe.modelling.dual_relief import dual_relief_from_mesh
 from ibrpipe.modelling.frusta import Frustum
 from ibrpipe.modelling.relief_textures import Plane, box_from_mesh, relief_from_mesh, reliefs_from_range
 from ibrpipe.types import Camera, DepthImage, Mesh
-from ibrpipe.types.mesh_colors import MeshColors
+from ibrpipe.types.mesh import MeshColors
 
 #: a rectangle of 2 x 1 whose texture lies upright as seen from above (v downward)
 FACES = np.array([[0, 1, 2], [0, 2, 3]])

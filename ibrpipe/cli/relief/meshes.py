@@ -15,7 +15,27 @@ from ibrpipe.renderers.relief.options import ReliefOptions
 
 _VECTOR = (float, float, float)
 #: options of renderer `relief` that the command has, in the order of ``frames.json``
-_LOOK = ("mapping", "model", "search", "shadows", "anisotropy", "linear_steps", "least_steps", "binary_steps")
+_LOOK = (
+    "mapping", "model", "search", "ambient", "diffuse", "specular", "shininess", "shadows", "two_sided", "anisotropy",
+    "linear_steps", "least_steps", "binary_steps",
+)  # fmt: skip
+#: those of them that are one number, or three for red, green and blue
+_SHARES = ("ambient", "diffuse", "specular")
+
+
+class _Share(click.ParamType):
+    """One number, or three with commas between them."""
+
+    name = "share"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read the numbers; how many and how great they may be, the renderer's options say."""
+        if not isinstance(value, str):
+            return value
+        try:
+            return tuple(float(each) for each in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is neither a number nor three as 0.2,0.25,0.3", param, ctx)
 
 
 def _look_options() -> list[click.Option]:
@@ -24,6 +44,10 @@ def _look_options() -> list[click.Option]:
     for option in options:
         text = (option.help or "").removeprefix("Meshes: ")
         option.help = f"{text[0].upper()}{text[1:]}."
+        if option.name in _SHARES:
+            (default,) = ReliefOptions.model_fields[option.name].default
+            option.type, option.multiple, option.metavar = _Share(), False, "SHARE[,G,B]"
+            option.default = f"{default:g}"
     return options
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
@@ -22,21 +24,49 @@ from ibrpipe.stages.registry import load_stage, load_stages
 
 if TYPE_CHECKING:
     from ibrpipe.io.documents.frames import Frames
+    from ibrpipe.types import Scene
+    from ibrpipe.types.prerendered import PrerenderedScene
 
 #: settings of scenes where they are not given: nothing was photographed, and pictures are filtered already
 _USUAL = {"renderers": ["hierarchical"], "path": "orbit", "samples": 1}
+#: settings of several assets where they are not given
+_USUAL_TOGETHER = {"path": "orbit"}
+#: reads what is to be rendered
+Reader = Callable[[], "Scene | PrerenderedScene"]
 
 
 def _scene_command(stage: Stage, scene: Path, slices: Path | None, values: dict[str, Any]) -> None:
-    context = click.get_current_context()
-    unused = list(given(context, lambda name: name == "dask" or name in input_fields(stage)))
+    _tell_unused(stage, ("dask", "mesh", *input_fields(stage)), "a scene; leave out either it or --scene")
+    told = f"reading {scene}" if slices else f"reading {scene} and slicing its parts; ibrpipe prerender keeps them"
+    _render_scene(stage, values, _USUAL, str(_USUAL["path"]), partial(_read_scene, scene, slices), told)
+
+
+def _together_command(stage: Stage, assets: Sequence[Path], meshes: Sequence[Path], values: dict[str, Any]) -> None:
+    others = (name for name in input_fields(stage) if name != "asset")
+    _tell_unused(stage, ("dask", *others), "several assets or meshes in one picture; leave it out")
+    usual = _USUAL_TOGETHER if assets else _USUAL
+    own = _path_of_run(values["out"], stage)
+    _render_scene(stage, values, usual, own, partial(_read_together, assets, meshes), "reading assets and meshes")
+
+
+def _tell_unused(stage: Stage, names: Collection[str], why: str) -> None:
+    unused = list(given(click.get_current_context(), lambda name: name in names))
     if unused:
-        raise click.UsageError(f"--{unused[0]} does nothing for a scene; leave out either it or --scene")
-    asked = given(context, lambda name: name in stage.config.model_fields)
-    config: Any = stage_config(stage, {**_USUAL, **asked})
-    folder = values["out"] / frames_folder(stage.folder, config.path, str(_USUAL["path"]))
-    with made_folder(folder):
-        _render(scene, slices, folder, config, values["workers"])
+        raise click.UsageError(f"--{unused[0]} does nothing for {why}")
+
+
+def _render_scene(
+    stage: Stage, values: dict[str, Any], usual: Mapping[str, Any], path_of_run: str, read: Reader, told: str
+) -> None:
+    from ibrpipe.renderers.frames import limited_threads
+    from ibrpipe.stages.render import render_scene
+
+    asked = given(click.get_current_context(), lambda name: name in stage.config.model_fields)
+    config: Any = stage_config(stage, {**usual, **asked})
+    folder = values["out"] / frames_folder(stage.folder, config.path, path_of_run)
+    with made_folder(folder), display() as shown, limited_threads(values["workers"]):
+        shown.say(told)
+        render_scene(read(), folder, config)
     frames = _frames_in(folder)
     if values["as_json"]:
         click.echo(json.dumps(frames.model_dump(mode="json"), indent=2))
@@ -80,20 +110,27 @@ def _tell(folder: Path, frames: Frames) -> None:
             click.echo(f"video: {folder / frames.videos[renderer]}")
 
 
-def _render(scene: Path, slices: Path | None, out: Path, config: Any, workers: int) -> None:
+def _read_scene(scene: Path, slices: Path | None) -> Scene | PrerenderedScene:
     from ibrpipe.io.prerendered import read_prerendered
     from ibrpipe.io.scenes import read_scene
-    from ibrpipe.renderers.frames import limited_threads
-    from ibrpipe.stages.render import render_scene
     from ibrpipe.types.prerendered import PrerenderedScene
 
-    with display() as shown, limited_threads(workers):
-        shown.say(f"reading {scene}")
-        whole = read_scene(scene)
-        if slices is None:
-            shown.say("slicing parts; ibrpipe prerender keeps them")
-        source = whole if slices is None else PrerenderedScene(whole, read_prerendered(slices))
-        render_scene(source, out, config)
+    whole = read_scene(scene)
+    return whole if slices is None else PrerenderedScene(whole, read_prerendered(slices))
+
+
+def _read_together(assets: Sequence[Path], meshes: Sequence[Path]) -> Scene:
+    """Return assets and meshes as one scene, each where its own coordinates put it."""
+    import numpy as np
+
+    from ibrpipe.io.assets import read_asset
+    from ibrpipe.io.scenes.painted import read_painted
+    from ibrpipe.types import Instances, Part, Scene
+
+    shapes = Part("meshes", tuple(mesh for file in meshes for mesh in read_painted(file)))
+    things = Part("assets", sources=tuple(read_asset(folder) for folder in assets))
+    held = tuple(Instances(part.name, np.eye(4)) for part in (things, shapes))
+    return Scene([things, shapes, Part("scene", children=held)], "scene")
 
 
 def render_command() -> click.Command:
@@ -101,13 +138,18 @@ def render_command() -> click.Command:
     stage = load_stage("render")
     of_assets = stage_command(stage)
 
-    def callback(scene: Path | None, slices: Path | None, **values: Any) -> None:
+    def callback(
+        scene: Path | None, slices: Path | None, asset: Sequence[Path], mesh: Sequence[Path], **values: Any
+    ) -> None:
         if scene is not None:
             _scene_command(stage, scene, slices, values)
             return
         if slices is not None:
             raise click.UsageError("--slices are those of a scene; give --scene, too")
-        _asset_command(stage, values)
+        if mesh or len(asset) > 1:
+            _together_command(stage, asset, mesh, values)
+        else:
+            _asset_command(stage, {**values, "asset": asset[0] if asset else None})
 
     return click.Command(
         of_assets.name,
@@ -119,17 +161,36 @@ def render_command() -> click.Command:
             click.Option(
                 ["--slices"], type=PATH, metavar="DIR", help="Scene: what ibrpipe prerender made; else made anew."
             ),
-            *of_assets.params,
+            click.Option(
+                ["--mesh"],
+                type=PATH,
+                multiple=True,
+                metavar="FILE",
+                help="Mesh in the same picture, beside assets or alone; may be given several times.",
+            ),
+            *map(_several, of_assets.params),
         ],
         help=f"{stage.summary}\n\nFrames along another path than that of the run itself go to a folder of their own, "
         "render-PATH, so that earlier ones stay.\n\n"
+        "Several --asset and --mesh are shown in one picture, joined by depth, each where its own coordinates put it; "
+        "a scene.yaml places them by matrices.\n\n"
         "With --scene, renders a scene; renderers, path and samples are then "
         + ", ".join(str(value if not isinstance(value, list) else value[0]) for value in _USUAL.values())
         + " unless given.",
         epilog=example(
-            stage.example, "ibrpipe render --scene scenes/forest --path orbit:frames=24,elevation=12 --out out"
+            stage.example,
+            "ibrpipe render --asset wall --asset bunny --mesh teapot.ply --renderers prewarp --path orbit --out out",
+            "ibrpipe render --scene scenes/forest --path orbit:frames=24,elevation=12 --out out",
         ),
     )
+
+
+def _several(param: click.Parameter) -> click.Parameter:
+    """Return the option of assets so that it may be given several times, others as they are."""
+    if isinstance(param, click.Option) and param.name == "asset":
+        text = f"{param.help} Several are shown in one picture."
+        return click.Option(["--asset"], type=PATH, multiple=True, metavar="PATH", help=text)
+    return param
 
 
 def __getattr__(name: str) -> click.Command:

@@ -17,6 +17,8 @@ class RenderedFrame(Document):
     file: str = Field(description="OpenEXR file: linear R G B, A, Z = depth along camera z, as far as asked for")
     png: str | None = Field(None, description="8-bit sRGB picture; absent without colour")
     ms: float = Field(ge=0, description="Milliseconds of the frame, median over the repeats")
+    first: str | None = Field(None, description="8-bit sRGB picture of the first frame of several; absent = one only")
+    first_ms: float | None = Field(None, ge=0, description="Milliseconds to the first frame, median over the repeats")
     width: int = Field(ge=1, description="Pixels")
     height: int = Field(ge=1, description="Pixels")
     K: Matrix33 = Field(description="Calibration, pixels")

@@ -15,7 +15,7 @@ from ibrpipe.io.surfaces.relief_images import read_color
 from ibrpipe.io.surfaces.scene_files import read_parts
 from ibrpipe.io.untrusted.boundary import reader
 from ibrpipe.types import Array, Mesh
-from ibrpipe.types.mesh_colors import MeshColors
+from ibrpipe.types.mesh import MeshColors
 
 #: albedo of what brings no colour beside what does
 PLAIN = (0.6, 0.6, 0.6)

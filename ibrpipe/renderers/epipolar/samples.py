@@ -49,7 +49,7 @@ class Raster:
 def build_raster(texture: Any, field: Field, eye: float) -> Raster:
     """Lay out the first layer of a texture in the coordinates of its field."""
     if isinstance(field, HeightField):
-        ends = _ends(field.height, False)
+        ends = _ends(field.height, field.pose)
         return Raster(field.pose, field.height, field.color, _holes(field), np.array([np.inf, 0.0]), ends, eye)
     depth, color = _first_layer(texture)
     steps = _steps(field.pose)
@@ -61,19 +61,19 @@ def build_raster(texture: Any, field: Field, eye: float) -> Raster:
         np.ascontiguousarray(np.pad(color, ((1, 1), (1, 1), (0, 0))), np.float32),
         True,
         steps,
-        _ends(depth, field.pose.perspective),
+        _ends(depth, field.pose),
         eye,
     )
 
 
-def _ends(depth: Array, perspective: bool) -> Array:
+def _ends(depth: Array, pose: Pose) -> Array:
     """Return the least and the greatest field depth, moved apart by more than they are rounded."""
     some = depth[np.isfinite(depth)].astype(np.float64)
     if not len(some):
         return np.zeros(2)
     low, high = float(some.min()), float(some.max())
-    pad = 1e-6 * (high - low) + 1e-9 * max(abs(low), abs(high))
-    return np.array([low - pad, min(high + pad, 0.5 * high) if perspective else high + pad])
+    pad = 1e-6 * (high - low) + 1e-9 * max(abs(low), abs(high)) + pose.slack
+    return np.array([low - pad, min(high + pad, 0.5 * high) if pose.perspective else high + pad])
 
 
 def _holes(field: HeightField) -> bool:

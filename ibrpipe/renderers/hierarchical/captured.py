@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.api import Prepared, prepare, render
 from ibrpipe.renderers.composite import composite
-from ibrpipe.types import Array, Camera, Frame, Part, Scene
+from ibrpipe.renderers.registry import find_renderer
+from ibrpipe.types import Array, Asset, Camera, Frame, Part, Scene
 from ibrpipe.types.parts import Captured
 from ibrpipe.types.relief_mesh import ReliefMesh
 from ibrpipe.types.scene import Bounds
@@ -38,8 +41,8 @@ class CapturedThing:
     matrices: Array
 
 
-def captured_things(scene: Scene) -> tuple[CapturedThing, ...]:
-    """Prepare all captured things of a scene.
+def captured_things(scene: Scene, wanted: str = "ldi") -> tuple[CapturedThing, ...]:
+    """Prepare all captured things of a scene for the renderer `wanted`, what it does not take for `relief` or `ldi`.
 
     Raises
     ------
@@ -48,7 +51,7 @@ def captured_things(scene: Scene) -> tuple[CapturedThing, ...]:
     """
     found = []
     for name, matrices in _placed(scene).items():
-        for renderer, sources in _by_renderer(scene.parts[name]).items():
+        for renderer, sources in _by_renderer(scene.parts[name], wanted).items():
             points = np.concatenate([enclosing_points(source) for source in sources])
             if len(points) and len(matrices):
                 _check(name, matrices)
@@ -59,23 +62,40 @@ def captured_things(scene: Scene) -> tuple[CapturedThing, ...]:
 
 def captured_frame(things: tuple[CapturedThing, ...], camera: Camera, threads: int = 0) -> Frame | None:
     """Draw all that is in view, several rays where edges are; None where there is nothing."""
-    frames = []
-    for thing in things:
-        for matrix in thing.matrices:
-            if _in_view(thing.bounds, matrix, camera):
-                frames.append(_drawn(thing, matrix, camera, threads))
+    frames = captured_frames(things, camera, {}, {"samples": "adaptive", "threads": threads})
     return composite(frames) if frames else None
 
 
-def _drawn(thing: CapturedThing, matrix: Array, camera: Camera, threads: int) -> Frame:
+def captured_frames(
+    things: Sequence[CapturedThing], camera: Camera, options: Mapping[str, Mapping[str, Any]], usual: Mapping[str, Any]
+) -> list[Frame]:
+    """Draw every copy that is in view; `options` by renderer, `usual` those of renderers that it does not name."""
+    return [
+        _drawn(thing, matrix, camera, options.get(thing.renderer, usual))
+        for thing in things
+        for matrix in thing.matrices
+        if _in_view(thing.bounds, matrix, camera)
+    ]
+
+
+def _drawn(thing: CapturedThing, matrix: Array, camera: Camera, options: Mapping[str, Any]) -> Frame:
     """Draw one copy: the camera is brought to the part's coordinates, depth back to the world's."""
     scale = float(np.cbrt(np.linalg.det(matrix[:3, :3])))
     moved = camera.R @ matrix[:3, 3] + camera.cam_from_world[:, 3]
     pose = np.concatenate([camera.R @ matrix[:3, :3], moved[:, None]], axis=1) / scale
     inner = Camera(camera.K, pose, camera.width, camera.height)
-    frame = render(thing.prepared, inner, thing.renderer, samples="adaptive", threads=threads)
+    frame = render(thing.prepared, inner, thing.renderer, **_with_light(options, matrix))
     assert frame.depth is not None
     return Frame(frame.color, frame.depth * np.float32(scale), frame.alpha, frame.stats)
+
+
+def _with_light(options: Mapping[str, Any], matrix: Array) -> dict[str, Any]:
+    """Options with the lamp, if there is one, in a part's coordinates."""
+    found = dict(options)
+    if found.get("light") is not None:
+        lamp = np.array([*found["light"], 1.0][:4])  # 0 at the end: a direction
+        found["light"] = (np.linalg.inv(matrix) @ lamp).tolist()[: len(found["light"])]
+    return found
 
 
 def _placed(scene: Scene) -> dict[str, Array]:
@@ -97,10 +117,12 @@ def _placed(scene: Scene) -> dict[str, Array]:
     return {name: np.concatenate(found) for name, found in placed.items() if found and scene.parts[name].sources}
 
 
-def _by_renderer(part: Part) -> dict[str, list[Captured]]:
-    found: dict[str, list[Captured]] = {}
+def _by_renderer(part: Part, wanted: str) -> dict[str, list[Captured]]:
+    taken, found = find_renderer(wanted).accepts, dict[str, list[Captured]]()
     for source in part.sources:
-        found.setdefault("relief" if isinstance(source, ReliefMesh) else "ldi", []).append(source)
+        for each in source.textures if isinstance(source, Asset) else (source,):
+            other = "relief" if isinstance(each, ReliefMesh) else "ldi"
+            found.setdefault(wanted if isinstance(each, taken) else other, []).append(each)
     return found
 
 

@@ -185,11 +185,12 @@ def _field(
         raise RendererError(f"a texture of {height.shape[1]} x {height.shape[0]} texels is too large; cut it")
     some = np.isfinite(height)
     low, high = (float(height[some].min()), float(height[some].max())) if some.any() else (1.0, 0.0)
-    pad = 1e-4 * max(high - low, 0.0) + 4.0 * float(np.spacing(np.float32(max(abs(low), abs(high), 1e-30))))
+    pose = pose or field_pose(frame, 0.5)
+    pad = 1e-4 * max(high - low, 0.0) + 4.0 * float(np.spacing(np.float32(max(abs(low), abs(high))))) + pose.slack
     scale = STEPS / (max(high - low, 0.0) + 2.0 * pad)
     grid = np.array([low - pad, scale, low, high, height.shape[1]])
     return Field(
-        pose or field_pose(frame, 0.5),
+        pose,
         height,
         np.ascontiguousarray(color),
         gap,

@@ -91,10 +91,10 @@ def height_map(field: HeightField, base: int) -> Map | None:
     if not low <= high:
         return None
     BACKGROUND.begin()
-    meta, grid, nodes = _empty_bounds(rows, columns, low, high)
+    meta, grid, nodes = _empty_bounds(rows, columns, low, high, field.pose.slack)
     bounds.bound_heights(field.height, grid[0], 1.0 / grid[1], meta, nodes)
     bounds.bound_above(nodes, meta)
-    pad = max(1e-6 * (high - low), 1e-9 * field.reach)  # rays that end on the surface end beyond it
+    pad = max(1e-6 * (high - low), 1e-9 * field.reach, field.pose.slack)  # rays that end on the surface end beyond it
     return Map(field, base, np.array([columns, rows, low - pad, high + pad]), grid, nodes, meta, np.empty(0, np.int64))
 
 
@@ -108,18 +108,18 @@ def patch_map(field: PatchField, base: int) -> Map | None:
     low, high = float(near.min()), float(far.max())
     counts = np.bincount(field.cells[:, 1].astype(np.int64) * columns + field.cells[:, 0], minlength=rows * columns)
     starts = np.concatenate([[0], np.cumsum(counts)])
-    meta, grid, nodes = _empty_bounds(rows, columns, low, high)
+    meta, grid, nodes = _empty_bounds(rows, columns, low, high, field.pose.slack)
     bounds.bound_patches(starts, near, far, grid[0], 1.0 / grid[1], meta, nodes)
     bounds.bound_above(nodes, meta)
-    pad = max(1e-6 * (high - low), 1e-9 * max(abs(low), abs(high)))
+    pad = max(1e-6 * (high - low), 1e-9 * max(abs(low), abs(high)), field.pose.slack)
     above = min(high + pad, 0.5 * high) if field.pose.perspective else high + pad  # -1/z stays below 0
     return Map(field, base, np.array([columns, rows, low - pad, above]), grid, nodes, meta, starts)
 
 
-def _empty_bounds(rows: int, columns: int, low: float, high: float) -> tuple[Array, Array, Array]:
-    """Return meta, grid and unfilled nodes for a field of `rows` x `columns` cells."""
+def _empty_bounds(rows: int, columns: int, low: float, high: float, slack: float) -> tuple[Array, Array, Array]:
+    """Return meta, grid and unfilled nodes for a field of `rows` x `columns` cells, at least `slack` thick."""
     meta = plan_levels(rows, columns)
-    pad = max(1e-6 * (high - low), 1e-9 * max(abs(low), abs(high)), 1e-290)
+    pad = max(1e-6 * (high - low), 1e-9 * max(abs(low), abs(high)), slack, 1e-290)
     grid = np.array([low - pad, (high - low + 2.0 * pad) / STEPS])
     return meta, grid, np.empty(int(meta[-1, 0]) + 1, np.uint32)
 

@@ -64,15 +64,15 @@ def build_sheets(field: Field, base: int) -> list[Sheet]:
     return _patch_sheets(field, base)
 
 
-def _grid(near: float, far: float, perspective: bool = False) -> tuple[Array, float, float]:
+def _grid(near: float, far: float, pose: Pose) -> tuple[Array, float, float]:
     """Return ((low, scale), least, greatest): the depth range padded, so that its ends are never grazed.
 
     Depths of perspective frames are -1/z and stay below 0, which is infinity.
     """
     if not near <= far:
         return np.array([0.0, 1.0]), 1.0, 0.0
-    pad = 1e-4 * (far - near) + 4.0 * float(np.spacing(np.float32(max(abs(near), abs(far), 1e-30))))
-    low, high = near - pad, min(far + pad, 0.5 * far) if perspective else far + pad
+    pad = 1e-4 * (far - near) + 4.0 * float(np.spacing(np.float32(max(abs(near), abs(far))))) + pose.slack
+    low, high = near - pad, min(far + pad, 0.5 * far) if pose.perspective else far + pad
     return np.array([low, quadtree.STEPS / (high - low)]), low, high
 
 
@@ -80,7 +80,7 @@ def _height_sheet(field: HeightField, base: int) -> Sheet:
     height = field.height
     near, far = np.empty(len(height), np.float32), np.empty(len(height), np.float32)
     quadtree.measure_heights(height, near, far)
-    grid, low, high = _grid(float(near.min()), float(far.max()))
+    grid, low, high = _grid(float(near.min()), float(far.max()), field.pose)
     rows, columns = height.shape[0] - 1, height.shape[1] - 1
     meta = quadtree.plan_levels(rows, columns)
     nodes = np.empty(meta[-1, 0] + 1, np.uint32)
@@ -99,7 +99,7 @@ def _patch_sheets(field: PatchField, base: int) -> list[Sheet]:
         column, row = (field.cells[chosen] - first).T
         cells = np.full((row.max() + 1, column.max() + 1), -1, np.int32)
         cells[row, column] = chosen
-        grid, low, high = _grid(float(near[chosen].min()), float(far[chosen].max()), field.pose.perspective)
+        grid, low, high = _grid(float(near[chosen].min()), float(far[chosen].max()), field.pose)
         meta = quadtree.plan_levels(*cells.shape)
         nodes = np.empty(meta[-1, 0] + 1, np.uint32)
         patches.pack_patches(cells.ravel(), near, far, grid[0], grid[1], nodes)
