@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ibrpipe.renderers.hierarchical.forms import prerender
     from ibrpipe.renderers.ldi.progressive import render_progressive
     from ibrpipe.renderers.orbits import orbit
+    from ibrpipe.renderers.prewarp.prewarped import prewarp
     from ibrpipe.stages.whole_run import FinishedRun, run
     from ibrpipe.types import (
         Asset,
@@ -66,6 +67,7 @@ _HOME = {
     "orbit": "renderers.orbits",
     "prepare": "renderers.api",
     "prerender": "renderers.hierarchical.forms",
+    "prewarp": "renderers.prewarp.prewarped",
     "read_asset": "io.assets",
     "read_capture": "io.captures",
     "read_relief_mesh": "io.surfaces.materials",
@@ -108,6 +110,7 @@ __all__ = [
     "orbit",
     "prepare",
     "prerender",
+    "prewarp",
     "read_asset",
     "read_capture",
     "read_relief_mesh",

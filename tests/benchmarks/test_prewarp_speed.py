@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import ibrpipe
-from ibrpipe.renderers.prewarp.faces import plane_face, sight
+from ibrpipe.renderers.prewarp.faces import plane_face, sight, wide_plane
 from ibrpipe.renderers.prewarp.passes import Settings, warp_face
 from ibrpipe.renderers.prewarp.source import build_relief
 from ibrpipe.types import Camera, ParallelFrame, ReliefTexture
@@ -61,3 +61,23 @@ def test_frame(benchmark, relief, options, outputs):
     prepared = ibrpipe.prepare(relief, "prewarp")
     wanted = {"outputs": ("color", "depth") if outputs == "color" else "depth", "level": 0, **options}
     benchmark.pedantic(ibrpipe.render, (prepared, camera(), "prewarp"), wanted, rounds=7, warmup_rounds=2)
+
+
+def bricks(share):
+    """N x N texels of which a share lies in mortar below flat bricks; 0 and 1: all alike."""
+    y, x = (np.indices((N, N)) + 0.5) / N
+    wide = 1 - np.sqrt(1 - share)
+    joint = ((8 * y) % 1 < wide) | ((4 * x + 0.5 * (np.floor(8 * y) % 2)) % 1 < wide)
+    height = np.where(joint, -0.02 - 0.01 * np.sin(19 * x) * np.cos(17 * y), 0.0)
+    frame = ParallelFrame((0, 0, 0), (1 / N, 0, 0), (0, 1 / N, 0), (0, 0, 1))
+    return ReliefTexture(frame, np.ones((N, N, 3)), height)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.28, 0.72, 1.0])
+@pytest.mark.parametrize("method", ["two-pass", "pipelined"])
+@pytest.mark.benchmark(group="pre-warp by the share of displaced texels, 1024 x 1024")
+def test_displaced_share(benchmark, share, method):
+    relief = bricks(share)
+    source, view = build_relief(relief), sight(relief.frame, camera())
+    face = wide_plane(view, N, N, source.range, 0.0)
+    benchmark.pedantic(warp_face, (source, view, face, Settings(method)), rounds=21, warmup_rounds=2)

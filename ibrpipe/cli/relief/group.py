@@ -10,6 +10,7 @@ import click
 
 from ibrpipe.cli.options import PATH, example, mesh_color_option
 from ibrpipe.cli.relief.meshes import dual, mesh_map
+from ibrpipe.cli.relief.prewarped import command as prewarp
 from ibrpipe.errors import ConfigError, IbrError, MissingFileError
 from ibrpipe.io.untrusted.boundary import utf8_text
 from ibrpipe.io.yaml_settings import value_of
@@ -182,3 +183,4 @@ def _write(reliefs: Sequence[Any], names: Sequence[str], source: Path | None, ou
 
 command.add_command(mesh_map)
 command.add_command(dual)
+command.add_command(prewarp)

@@ -81,9 +81,25 @@ def paint_lanes(values, rule, x, k, step, halves, ahead, ends, buf, cells, out):
 
 
 @fused
-def pass_columns(values, lines, wall, h, gap, x, side, buf, cells, out):
+def cell_of(base, least, most):
+    # cell of a row without displacement
+    return np.int32(np.ceil(min(max(base, least), most)))
+
+
+@fused
+def recall_row(values, base, cell, half, buf, cells):
+    # what `place_row` leaves of a marked row, and its values
+    for lane in range(LANES):
+        values[lane] = ZERO
+        buf[POSITIONS + half + lane], buf[VALUES + half + lane] = base, ZERO
+        cells[half + lane] = cell
+
+
+@fused
+def pass_columns(values, marks, lines, wall, h, gap, x, side, buf, cells, out):
     # write what each row passes forward (see `core.prewarp`), columns x to x + LANES; pixels of `side` and up to PAD on
     begin, end, count = side[4], side[5], out.shape[0] - 2 * PAD
+    marked, least_flat, most_flat = marks.shape[0] > 0, np.int32(count), np.int32(0)
     rising = side[3] > 0
     least, most = np.float32(begin), np.float32(end)
     holes = np.int32(0)
@@ -97,9 +113,26 @@ def pass_columns(values, lines, wall, h, gap, x, side, buf, cells, out):
         half, other = (o & 1) * LANES, ((o + 1) & 1) * LANES
         if o == total:
             least, most = ZERO, np.float32(count)
-        some = place_row(values, lines, wall, side[0] + o * side[2], least, most, half, buf, cells)
+        k = side[0] + o * side[2]
+        before = k - side[2]
+        if marked and marks[k] != 0:
+            cell = cell_of(lines[0, k], least, most)
+            least_flat, most_flat = min(least_flat, cell), max(most_flat, cell)
+            if o > 0 and marks[before] != 0 and o < total:
+                c = cell_of(lines[0, before], least, most)
+                for y in range(min(c, cell), max(c, cell)):
+                    for lane in range(LANES):
+                        out[np.uint64(y + PAD), start + np.uint64(lane)] = ZERO
+                continue
+            some = np.int32(LANES)
+            recall_row(values[k], lines[0, k], cell, half, buf, cells)
+        else:
+            some = place_row(values, lines, wall, k, least, most, half, buf, cells)
         if o == 0 or some == 0:
             continue
+        if marked and marks[before] != 0:
+            c = cell_of(lines[0, before], np.float32(begin), np.float32(end))
+            recall_row(values[before], lines[0, before], c, other, buf, cells)
         for lane in range(LANES):
             position, g = buf[POSITIONS + other + lane], buf[VALUES + other + lane]
             run = buf[POSITIONS + half + lane] - position
@@ -132,11 +165,12 @@ def pass_columns(values, lines, wall, h, gap, x, side, buf, cells, out):
                         step = np.float32(y - c + 1)
                         out[np.uint64(y + PAD), column] = buf[FIRSTS + lane] + step * buf[SLOPES + lane]
         if holes > 0:
-            k = side[0] + o * side[2]
             rule, ends = (wall, h, gap), (begin, end)
             paint_lanes(values, rule, x, k, side[2], (half, other), ahead, ends, buf, cells, out)
     half = (total & 1) * LANES
     for lane in range(LANES):
+        cells[LOWEST + lane] = min(cells[LOWEST + lane], least_flat)
+        cells[HIGHEST + lane] = max(cells[HIGHEST + lane], most_flat)
         if cells[BAD + lane] != 0:
             continue
         c = np.int64(cells[half + lane])
@@ -145,13 +179,27 @@ def pass_columns(values, lines, wall, h, gap, x, side, buf, cells, out):
             out[y + PAD, x + lane] = HOLE
         beyond = cells[HIGHEST + lane] > c if rising else cells[LOWEST + lane] < c
         if beyond and low < high:
+            unmark(values, marks, side)
             paint_column(values, lines, wall, h, gap, lane, x + lane, side, out)
 
 
 @fused
-def find_holes(values, wall, h, gap, first, last, cells):
+def unmark(values, marks, side):
+    # write the zeros that marks stand for
+    for k in range(min(side[0], side[1]), max(side[0], side[1]) + 1 if marks.shape[0] > 0 else 0):
+        if marks[k] != 0:
+            marks[k] = 0
+            for lane in range(LANES):
+                values[k, lane] = ZERO
+
+
+@fused
+def find_holes(values, marks, wall, h, gap, first, last, cells):
     # cells[BAD:]: whether something is missing in a column -> whether all is missing in all of them
+    marked = marks.shape[0] > 0
     for k in range(first, last + 1):
+        if marked and marks[k] != 0:
+            continue
         row = values[k]
         for lane in range(LANES):
             value = row[lane]
@@ -161,8 +209,11 @@ def find_holes(values, wall, h, gap, first, last, cells):
         empty += np.int32(1) if cells[BAD + lane] == last + 1 - first else np.int32(0)
     if gap < np.inf:
         for k in range(first, last):
+            here, there = marked and marks[k] != 0, marked and marks[k + 1] != 0
+            if here and there:
+                continue
             for lane in range(LANES):
-                p, q = values[k, lane], values[k + 1, lane]
+                p, q = ZERO if here else values[k, lane], ZERO if there else values[k + 1, lane]
                 if not wall:
                     p, q = h * p / (ONE + p), h * q / (ONE + q)
                 cells[BAD + lane] |= np.int32(1) if abs(p - q) > gap else np.int32(0)
@@ -170,21 +221,24 @@ def find_holes(values, wall, h, gap, first, last, cells):
 
 
 @kernel
-def warp_columns(values, lines, wall, eye, gap, sides, columns, out):
-    # values (blocks, >= H, LANES) f32 from the first pass; lines (3, H) f32: a row's position, counted
+def warp_columns(values, marks, lines, wall, eye, gap, sides, columns, out):
+    # values (blocks, >= H, LANES) f32 and marks (blocks, >= H) u8 from the first pass, marks empty = none
+    # lines (3, H) f32: a row's position, counted
     # from the centre of the first pixel, is lines[0] + lines[1] * value, its shift lines[2] (wall) or the value itself
     # eye f64: h from the plane; gap: greatest step of depth between joined samples
     # sides (2, 6) i64: first row, last row in order, step, 1 = positions rise in order, -1 = they fall, first pixel,
     # last pixel + 1; the first side ends where the second begins
     # out (PAD + count + PAD, stride) f32: shift at pixel centres, NaN = nothing; what lies in the PAD is void
     h, count = np.float32(eye), out.shape[0] - 2 * PAD
+    nothing = np.empty(0, np.uint8)
     first = min(min(sides[0, 0], sides[0, 1]), min(sides[1, 0], sides[1, 1]))
     last = max(max(sides[0, 0], sides[0, 1]), max(sides[1, 0], sides[1, 1]))
     for block in prange((columns + LANES - 1) // LANES):
         x = np.int64(block) * LANES
         buf = np.empty(KEPT + 2 * LANES, np.float32)
         cells = np.zeros(5 * LANES, np.int32)
-        empty = find_holes(values[block], wall, h, gap, first, last, cells)
+        own = marks[block] if marks.shape[0] > 0 else nothing
+        empty = find_holes(values[block], own, wall, h, gap, first, last, cells)
         for y in range(count):  # this also brings into the cache what is then written here and there
             line = out[y + PAD, x : x + LANES]
             for lane in range(LANES):
@@ -198,7 +252,7 @@ def warp_columns(values, lines, wall, eye, gap, sides, columns, out):
             for lane in range(LANES):
                 buf[KEPT + lane] = out[side[4] + PAD - 1, x + lane]
                 buf[KEPT + LANES + lane] = out[side[4] + PAD - 2, x + lane]
-            pass_columns(values[block], lines, wall, h, gap, x, side, buf, cells, out)
+            pass_columns(values[block], own, lines, wall, h, gap, x, side, buf, cells, out)
             for lane in range(LANES):
                 out[side[4] + PAD - 1, x + lane] = buf[KEPT + lane]
                 out[side[4] + PAD - 2, x + lane] = buf[KEPT + LANES + lane]

@@ -11,7 +11,7 @@ import numpy as np
 from numba import prange
 
 from ibrpipe.core.jit import fused, kernel
-from ibrpipe.core.prewarp.rows import HALF, HOLE, NONE, ONE
+from ibrpipe.core.prewarp.rows import HALF, HOLE, LANES, NONE, ONE
 
 #: columns of pixels that one thread owns
 STRIPE = 128
@@ -89,26 +89,49 @@ def put_cell(positions, k, i, begin, end, left, top, out):
 
 
 @fused
-def put_row(positions, breaks, k, first, last, foot, begin, end, left, top, out):
+def put_flat(positions, k, i, end, begin, stop, left, top, out):
+    # cells i .. end - 1 of row k, none of which has moved: one rectangle
+    low, high = positions[0, k, i], positions[0, k, end]
+    first, last = max(int(np.ceil(low - HALF)) - left, begin), min(int(np.ceil(high - HALF)) - left, stop)
+    one, other = positions[1, k, i] - HALF - np.float32(top), positions[1, k + 1, i] - HALF - np.float32(top)
+    lowest, highest = np.float32(0.0), np.float32(out.shape[0])
+    for y in range(int(np.ceil(max(min(one, other), lowest))), int(np.ceil(min(max(one, other), highest)))):
+        for column in range(first, last):
+            out[y, column] = lowest
+
+
+@fused
+def put_row(positions, breaks, flat, k, first, last, foot, begin, end, left, top, out):
     # cells of row k toward the foot from both sides, its own cell last
     middle = min(max(foot, first), last)
-    broken = breaks.shape[0] > 0
-    for n in range(last - first):
-        if n < middle - first:
-            i = first + n
-        elif n < last - first - (1 if middle < last else 0):
-            i = last - 1 - (n - (middle - first))
-        else:
-            i = middle
-        if broken and (breaks[k, i] | (breaks[k + 1, i] & 1) | (breaks[k, i + 1] & 2)) > 0:
+    broken, chunked = breaks.shape[0] > 0, flat.shape[0] > 0
+    i = first
+    while i < middle:
+        if chunked and flat[k, i // LANES] & flat[k + 1, i // LANES]:
+            to = min((i // LANES + 1) * LANES, middle)
+            put_flat(positions, k, i, to, begin, end, left, top, out)
+            i = to
             continue
-        put_cell(positions, k, i, begin, end, left, top, out)
+        if not (broken and (breaks[k, i] | (breaks[k + 1, i] & 1) | (breaks[k, i + 1] & 2)) > 0):
+            put_cell(positions, k, i, begin, end, left, top, out)
+        i += 1
+    i = last - 1
+    while i >= middle:
+        if chunked and flat[k, i // LANES] & flat[k + 1, i // LANES]:
+            to = max(i // LANES * LANES, middle)
+            put_flat(positions, k, to, i + 1, begin, end, left, top, out)
+            i = to - 1
+            continue
+        if not (broken and (breaks[k, i] | (breaks[k + 1, i] & 1) | (breaks[k, i + 1] & 2)) > 0):
+            put_cell(positions, k, i, begin, end, left, top, out)
+        i -= 1
 
 
 @kernel
-def pipeline(positions, breaks, ranges, feet, window, out):
+def pipeline(positions, breaks, flat, ranges, feet, window, out):
     # positions (3, H, W) from place_texels; breaks (H, W) u8, bit 0: not joined to the right, bit 1: not to below;
-    # empty = all are; ranges (stripes, 2) i64 first and last texel that can reach a stripe; feet i64: last texel and
+    # empty = all are; flat (H, chunks) u8 as warp_rows
+    # ranges (stripes, 2) i64 first and last texel that can reach a stripe; feet i64: last texel and
     # row not beyond the foot; window i64: first row, last row, count of columns, left, top, order (1 rows ascend, -1
     # descend, 0 both to foot); out (rows, stride) f32: shift at pixel centres, NaN = nothing
     first, last, count, left, top, order = window[0], window[1], window[2], window[3], window[4], window[5]
@@ -120,7 +143,11 @@ def pipeline(positions, breaks, ranges, feet, window, out):
             for x in range(begin, end):
                 out[y, x] = HOLE
         for k in range(first, middle):
-            put_row(positions, breaks, k, ranges[stripe, 0], ranges[stripe, 1], feet[0], begin, end, left, top, out)
+            put_row(
+                positions, breaks, flat, k, ranges[stripe, 0], ranges[stripe, 1], feet[0], begin, end, left, top, out
+            )
         for back in range(last - middle):
             k = last - 1 - back
-            put_row(positions, breaks, k, ranges[stripe, 0], ranges[stripe, 1], feet[0], begin, end, left, top, out)
+            put_row(
+                positions, breaks, flat, k, ranges[stripe, 0], ranges[stripe, 1], feet[0], begin, end, left, top, out
+            )

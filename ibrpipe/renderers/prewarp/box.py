@@ -138,44 +138,76 @@ def draw_box(box: Box, camera: Camera, settings: Settings, depth: Array, owner: 
     return len(quads)
 
 
-def _draw_quad(box: Box, camera: Camera, axis: int, at: float, settings: Settings, depth: Array, owner: Array) -> None:
+@dataclass(frozen=True, eq=False)
+class Quad:
+    """All textures of a box pre-warped into one of its faces.
+
+    Attributes
+    ----------
+    view : Sight
+        The camera in pixels of the quadrilateral, whose frame is `frame`.
+    face : Face
+    frame : ParallelFrame
+    window : (left, right, top, bottom) int, pixels of the quadrilateral that were drawn
+    shifts : (rows, columns) float32, NaN = nothing
+    owners : (rows, columns) uint8, number of the texture seen
+    """
+
+    view: Sight
+    face: Face
+    frame: ParallelFrame
+    window: tuple[int, int, int, int]
+    shifts: Array
+    owners: Array
+
+
+def warp_quad(box: Box, camera: Camera, axis: int, at: float, settings: Settings) -> Quad | None:
+    """Pre-warp all textures into the face `axis` = `at`, as fine as the frame; None where it is not in view."""
     i, j = (k for k in range(3) if k != axis)
     pitch = min(each.texel for each in box.placed)
-    view, face = _quad_face(box, camera, (axis, i, j), at, pitch)
+    _, _, face = _quad_face(box, camera, (axis, i, j), at, pitch)
     if face is None:
-        return
+        return None
     x0, x1, y0, y1 = face.window
     finer = (camera.width * camera.height / max((x1 - x0) * (y1 - y0), 1.0)) ** 0.5
     largest = (prewarp.SPAN - 4) * pitch / max(float(box.high[i] - box.low[i]), float(box.high[j] - box.low[j]))
     pitch /= min(max(finer, 1.0), FINEST, max(largest, 1.0))  # as fine as the frame, so far as the textures are
-    view, face = _quad_face(box, camera, (axis, i, j), at, pitch)
+    frame, view, face = _quad_face(box, camera, (axis, i, j), at, pitch)
     if face is None:
-        return
+        return None
     x0, x1, y0, y1 = face.window
     window = (int(np.floor(x0 - 0.5)), int(np.ceil(x1 + 0.5)), int(np.floor(y0 - 0.5)), int(np.ceil(y1 + 0.5)))
-    merged, owners = _merge(box, camera, (axis, i, j), at, pitch, window, settings)
+    return Quad(view, face, frame, window, *_merge(box, camera, (axis, i, j), at, pitch, window, settings))
+
+
+def _draw_quad(box: Box, camera: Camera, axis: int, at: float, settings: Settings, depth: Array, owner: Array) -> None:
+    quad = warp_quad(box, camera, axis, at, settings)
+    if quad is None:
+        return
+    face, window, merged = quad.face, quad.window, quad.shifts
+    x0, x1, y0, y1 = face.window
     homography = np.zeros((4, 3))
     homography[:3] = face.homography
     homography[0] -= window[0] * face.homography[2]
     homography[1] -= window[2] * face.homography[2]
     homography[3, 2] = face.far
     bounds = np.array([x0 - window[0], x1 - window[0], y0 - window[2], y1 - window[2], *merged.shape[::-1]])
-    jump = box.placed[0].relief.jump(face, view)
+    jump = box.placed[0].relief.jump(face, quad.view)
     prewarp_view.view_depth(merged.ravel(), merged.shape[1], homography, bounds, jump, False, depth)
-    prewarp_view.view_owner(owners, homography, bounds, owner)
+    prewarp_view.view_owner(quad.owners, homography, bounds, owner)
 
 
 def _quad_face(
     box: Box, camera: Camera, axes: tuple[int, int, int], at: float, pitch: float
-) -> tuple[Sight, Face | None]:
-    """The camera in pixels of a quadrilateral, and its part in view."""
+) -> tuple[ParallelFrame, Sight, Face | None]:
+    """The frame of a quadrilateral, the camera in its pixels, and its part in view."""
     axis, i, j = axes
     corner = box.low.copy()
     corner[axis] = at
     frame = ParallelFrame(box.origin + corner @ box.axes, pitch * box.axes[i], pitch * box.axes[j], box.axes[axis])
     view = sight(frame, camera)
     size = (box.high - box.low) / pitch
-    return view, rectangle_face(view, (0.0, float(size[i]), 0.0, float(size[j])))
+    return frame, view, rectangle_face(view, (0.0, float(size[i]), 0.0, float(size[j])))
 
 
 def _merge(

@@ -30,11 +30,11 @@ _NONE8, _NONE = np.empty((0, 0), np.uint8), np.empty(0, np.float32)
 _MEMORY = threading.local()
 
 
-def scratch(name: str, shape: tuple[int, ...]) -> Array:
-    """Return working memory of a shape, float32, that this thread's next call with the same name takes over."""
+def scratch(name: str, shape: tuple[int, ...], kind: type = np.float32) -> Array:
+    """Return working memory of a shape that this thread's next call with the same name takes over."""
     size = int(np.prod(shape))
     if len(getattr(_MEMORY, name, ())) < size:
-        setattr(_MEMORY, name, np.empty(size, np.float32))
+        setattr(_MEMORY, name, np.empty(size, kind))
     memory: Array = getattr(_MEMORY, name)
     return memory[:size].reshape(shape)
 
@@ -44,7 +44,8 @@ BACKGROUND = BackgroundCompile(
     (
         Kernel(
             "prewarp.columns", "warp_columns",
-            "(float32[:,:,::1], float32[:,::1], boolean, float64, float64, int64[:,::1], int64, float32[:,::1])",
+            "(float32[:,:,::1], uint8[:,::1], float32[:,::1], boolean, float64, float64, int64[:,::1], int64, "
+            "float32[:,::1])",
         ),
         Kernel(
             "prewarp.view", "view_color",
@@ -202,8 +203,15 @@ def _field(relief: Relief, face: Face, plan: Plan, settings: Settings) -> tuple[
         return relief.height, codes, depths
     d = depths.astype(np.float64) - plan.eye[2]
     away = plan.eye[1] - d
+    if len(_flat(relief, face)):  # what does not move is not rounded away from the plane
+        d[np.argmin(np.abs(d[:255]))] = 0.0
     tiny = 1e-6 * abs(plan.eye[1])
     return relief.height, codes, (d / np.where(np.abs(away) > tiny, away, -tiny)).astype(np.float32)
+
+
+def _flat(relief: Relief, face: Face) -> Array:
+    """Which chunks of texels lie in the face's plane; empty = none is known to."""
+    return relief.flat_chunks if not face.wall and face.at == relief.flat else _NONE8
 
 
 def _two_pass(
@@ -212,7 +220,7 @@ def _two_pass(
     left, top, count = span
     (first, last), height = plan.rows, len(out) - 2 * PAD
     blocks, lanes = -(-count // prewarp.LANES), prewarp.LANES
-    values = scratch("values", (blocks, relief.height.shape[0] + ODD, lanes))
+    values, marks = scratch("values", (blocks, relief.height.shape[0] + ODD, lanes)), _NONE8
     breaks = relief.breaks if relief.broken else _NONE8
     field, axis = _field(relief, face, plan, settings), np.array([face.zoom, face.shift[0] - (left + 0.5)])
     window = np.array([first, last + 1, *plan.texels, count, plan.most > CAREFUL])
@@ -222,7 +230,8 @@ def _two_pass(
         sign = -1 if plan.eye[1] > np.mean(relief.range) else 1
         sides = np.array([[start, end, plan.order, sign, 0, height], [start, end, plan.order, sign, height, height]])
     else:
-        prewarp.warp_rows(*field, breaks, plan.eye, axis, window, values)
+        marks = scratch("marks", values.shape[:2], np.uint8)
+        prewarp.warp_rows(*field, breaks, _flat(relief, face), plan.eye, axis, window, values, marks)
         foot = prewarp.last_before(view.eye[1], relief.height.shape[0])
         split = prewarp.first_pixel(face.zoom * view.eye[1] + face.shift[1], top, height)
         ends = min(foot + 1, last), max(foot, first)
@@ -231,7 +240,7 @@ def _two_pass(
     lines = plan.lines.copy()
     lines[0] -= np.float32(top + 0.5)
     BACKGROUND.wait()
-    prewarp_columns.warp_columns(values, lines, face.wall, plan.eye[1], relief.gap, sides, count, out)
+    prewarp_columns.warp_columns(values, marks, lines, face.wall, plan.eye[1], relief.gap, sides, count, out)
 
 
 def _pipelined(
@@ -248,7 +257,7 @@ def _pipelined(
     ranges, feet = _stripes(view, face, plan, (left, count), relief.height.shape, pipelined.STRIPE)
     breaks = relief.breaks if relief.broken else _NONE8
     window = np.array([*plan.rows, count, left, top, plan.order])
-    pipelined.pipeline(positions, breaks, ranges, feet, window, out[PAD : len(out) - PAD])
+    pipelined.pipeline(positions, breaks, _flat(relief, face), ranges, feet, window, out[PAD : len(out) - PAD])
 
 
 def _stripes(

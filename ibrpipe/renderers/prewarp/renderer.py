@@ -123,7 +123,7 @@ def draw(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: Prewar
     canvas = Canvas.blank(camera.height, camera.width, shaded)
     with limited_threads(options.threads):
         near = [_is_exact(relief, camera, options.fallback) for relief in scene.reliefs]
-        chosen = [_leveled(relief, camera, options) for relief in scene.reliefs]
+        chosen = [leveled(relief, camera, options) for relief in scene.reliefs]
         shown = 0
         if options.quads == "auto" and not settings.area and not any(near) and scene.box is not None:
             shown = _draw_object(tuple(chosen), camera, settings, canvas)
@@ -185,7 +185,7 @@ def _is_exact(relief: Relief, camera: Camera, fallback: str) -> bool:
     return fallback == "always" or (fallback == "auto" and _is_near(relief, camera))
 
 
-def _leveled(relief: Relief, camera: Camera, options: PrewarpOptions) -> Relief:
+def leveled(relief: Relief, camera: Camera, options: PrewarpOptions) -> Relief:
     """Return the level of a relief's pyramid that is warped, its texels joined as asked for."""
     level = projected_level(relief, camera) if options.level == "auto" else options.level
     return relief.level(level).joined_up_to(options.max_step)
@@ -249,6 +249,7 @@ def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:
     base, near = (low, high) if h > high else (high, low)
     outside = not low <= h <= high
     spread = abs(h - base) / abs(h - near) if outside and h != near else np.inf
+    base = relief.flat if relief.flat is not None else base  # texels in the plane are not moved
     if spread <= WIDE:
         wide = None if h > high and relief.front_only else wide_plane(view, rows, columns, (low, high), base)
         return [] if wide is None else [(wide, False)]

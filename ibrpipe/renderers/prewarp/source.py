@@ -16,6 +16,8 @@ from ibrpipe.types.layers import opaque
 
 #: steps between neighbouring samples of a layered image, in texels, above which they are not joined
 GAP = 4.0
+#: share of texels of one height from which on the plane at that height is drawn into, and texels that are looked at
+FLAT, PROBES = 0.25, 4096
 #: jump of depth in a pre-warped picture, in texels, across which nothing is interpolated in the view
 JUMP = 4.0
 
@@ -91,6 +93,28 @@ class Relief:
         low, high = self.range
         texel = 0.5 * (np.linalg.norm(self.frame.a) + np.linalg.norm(self.frame.b))
         return max(float(texel), (high - low) / 2048.0)
+
+    @cached_property
+    def flat(self) -> float | None:
+        """The height that at least a quarter of all texels have to the bit; None where there is none."""
+        some = self.height[np.isfinite(self.height)]
+        if not len(some):
+            return None
+        heights, counts = np.unique(some[:: max(len(some) // PROBES, 1)], return_counts=True)
+        often = heights[counts.argmax()]
+        return float(often) if np.count_nonzero(some == often) >= FLAT * self.height.size else None
+
+    @cached_property
+    def flat_chunks(self) -> Array:
+        """(H, chunks) uint8: where a chunk of texels along a row, and the one after it, all have the height `flat`."""
+        rows, columns = self.height.shape
+        chunks = -(-columns // prewarp.LANES)
+        level = np.ones((rows, chunks * prewarp.LANES + 1), bool)
+        level[:, :columns] = self.height == self.flat
+        whole = (
+            level[:, :-1].reshape(rows, chunks, prewarp.LANES).all(axis=2) & level[:, prewarp.LANES :: prewarp.LANES]
+        )
+        return whole.astype(np.uint8)
 
     @cached_property
     def breaks(self) -> Array:

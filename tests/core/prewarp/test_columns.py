@@ -42,12 +42,19 @@ def column(values, lines, wall, h, gap, sides):
     return out
 
 
-def compare(values, lines, wall, h, gap, sides):
+def compare(values, lines, wall, h, gap, sides, marked=False):
     packed, lines = blocks(values), lines.astype(np.float32)
+    marks = np.empty((0, 0), np.uint8)
+    if marked:
+        marks = (packed == 0).all(axis=2).astype(np.uint8)
+        assert 0.2 < marks.mean() < 0.8
 
     def warped():
         out = np.full((COUNT + 2 * PAD, 2 * LANES + 3), 7, np.float32)
-        warp_columns(packed, lines, wall, h, gap, sides, values.shape[1], out)
+        own = (
+            np.where(marks[..., None] == 1, np.float32(9), packed) if marked else packed
+        )  # zeros that were not written
+        warp_columns(own, marks.copy(), lines, wall, h, gap, sides, values.shape[1], out)
         return (out,)
 
     (out,) = on_all_thread_counts(warped)
@@ -75,6 +82,18 @@ def test_columns_of_a_plane_equal_the_twin(e, holes, gap):
     wanted = compare(values, lines, False, 12.0, gap, two_sides(e))
     assert np.isnan(wanted[:, 11]).all()
     assert np.isfinite(wanted).any() == (holes < 1)
+
+
+@pytest.mark.parametrize("e", [6.3, -8.0, 30.0])
+@pytest.mark.parametrize("holes", [0.0, 0.1])
+@pytest.mark.parametrize("gap", [np.inf, 0.6])
+def test_marked_rows_count_as_zeros(e, holes, gap):
+    values, v = field(1, holes, -0.05, 0.35), np.arange(ROWS) + 0.5
+    for rows in (slice(0, 3), slice(5, 6), slice(8, 11), slice(ROWS - 3, ROWS)):
+        values[rows, :LANES] = 0.0  # marked in the first block of columns, read in the second
+    values[4:9, LANES:] = 0.0
+    lines = np.stack([v - TOP - 0.5, v - e, np.zeros(ROWS)])
+    compare(values, lines, False, 12.0, gap, two_sides(e), marked=True)
 
 
 @pytest.mark.parametrize("holes", [0.0, 0.1])

@@ -95,7 +95,7 @@ def test_painted_cells_equal_the_twin_that_compares_depths(holes):
 
     def warped():
         out = np.full((rows, count + 3), 7, np.float32)
-        pipeline(placed(height), NONE8, *window_of(count, left, top, 128), out)
+        pipeline(placed(height), NONE8, NONE8, *window_of(count, left, top, 128), out)
         return (out,)
 
     (out,) = on_all_thread_counts(warped)
@@ -110,7 +110,7 @@ def test_cells_at_texels_that_are_not_joined_stay_empty():
     breaks[:, 5], breaks[3, :] = 1, breaks[3, :] | 2
     out, whole = np.empty((2, 13, 17), np.float32)
     for broken, to in ((breaks, out), (NONE8, whole)):
-        pipeline(placed(height), broken, *window_of(17, -2, -1, 128), to)
+        pipeline(placed(height), broken, NONE8, *window_of(17, -2, -1, 128), to)
     parts = height.astype(float), EYE, np.arange(17) - 1.5, np.arange(13) - 0.5
     wanted = np.full((13, 17), np.nan)
     for rows in (slice(0, 4), slice(4, ROWS)):

@@ -204,7 +204,7 @@ def test_area_filter_takes_the_mean_over_pixels(step):
 
 
 @pytest.mark.parametrize("e", [16.3, -5.0, 60.0])
-@pytest.mark.parametrize("kind", ["whole", "holes", "broken", "coded", "careful", "zoomed"])
+@pytest.mark.parametrize("kind", ["whole", "holes", "broken", "coded", "careful", "zoomed", "flat", "flat holes"])
 def test_rows_alone_equal_the_twin(kind, e):
     """`warp_rows` itself: what it reads, the rows and texels of its window, and nothing beside them."""
     rng, none = np.random.default_rng(6), np.empty((0, 0), np.uint8)
@@ -215,15 +215,28 @@ def test_rows_alone_equal_the_twin(kind, e):
         table = np.where(np.arange(256) < 9, np.nan, rng.uniform(-0.02, 0.05, 256)).astype(np.float32)
     if kind == "broken":
         breaks = (rng.random(height.shape) < 0.15).astype(np.uint8)
+    flat = none
+    if "flat" in kind:  # row 1 all of it, row 2 its first chunk, row 3 none, row 4 all of it, row 5 its second chunk
+        height[[1, 4]] = height[2, :33] = height[5, 32:] = ground
+        height[2, 36] = np.nan if kind == "flat holes" else height[2, 36]
+        flat = np.array([[0, 0], [1, 1], [1, 0], [0, 0], [1, 1], [0, 1], [0, 0]], np.uint8)
     zoom, shift = (1.7, -9.2) if kind == "zoomed" else (1.0, 2.1)
+    shift = -3.4 if "flat" in kind else shift
     window = np.array([1, 6, 2, 37, count, kind == "careful"])
 
     def warped():
-        out = np.full((2, 9, 32), 7, np.float32)
-        rows.warp_rows(height, codes, table, breaks, np.array([e, h, ground]), np.array([zoom, shift]), window, out)
-        return (out,)
+        out, marks = np.full((2, 9, 32), 7, np.float32), np.full((2, 9), 5, np.uint8)
+        pose = np.array([e, h, ground]), np.array([zoom, shift])
+        rows.warp_rows(height, codes, table, breaks, flat, *pose, window, out, marks)
+        return out, marks
 
-    (out,) = on_all_thread_counts(warped)
+    out, marks = on_all_thread_counts(warped)
+    assert (marks[:, [0, 6, 7, 8]] == 5).all()
+    assert set(np.unique(marks[:, 1:6])) <= {0, 1}
+    assert (out[marks == 1] == 7).all()
+    if kind == "flat":
+        assert marks[0, [1, 4]].tolist() == [1, 1]
+    out = np.where((marks == 1)[..., None], np.float32(0), out)
     found = out.transpose(1, 0, 2).reshape(9, -1)
     assert (found[[0, 6, 7, 8]] == 7).all()
     assert (found[1:6, count:] == 0).all()
