@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ibrpipe.io.captures import read_capture
     from ibrpipe.io.scenes import read_scene, write_scene
     from ibrpipe.io.surfaces.materials import read_relief_mesh, read_relief_meshes
+    from ibrpipe.io.surfaces.reliefs import read_reliefs, write_reliefs
     from ibrpipe.renderers.api import Prepared, prepare, render, renderers
     from ibrpipe.renderers.composite import composite
     from ibrpipe.renderers.hierarchical.forms import prerender
@@ -72,12 +73,14 @@ _HOME = {
     "read_capture": "io.captures",
     "read_relief_mesh": "io.surfaces.materials",
     "read_relief_meshes": "io.surfaces.materials",
+    "read_reliefs": "io.surfaces.reliefs",
     "read_scene": "io.scenes",
     "read_textures": "io.assets",
     "render": "renderers.api",
     "render_progressive": "renderers.ldi.progressive",
     "run": "stages.whole_run",
     "write_asset": "io.assets",
+    "write_reliefs": "io.surfaces.reliefs",
     "write_scene": "io.scenes",
 }
 
@@ -115,6 +118,7 @@ __all__ = [
     "read_capture",
     "read_relief_mesh",
     "read_relief_meshes",
+    "read_reliefs",
     "read_scene",
     "read_textures",
     "render",
@@ -122,6 +126,7 @@ __all__ = [
     "renderers",
     "run",
     "write_asset",
+    "write_reliefs",
     "write_scene",
 ]
 

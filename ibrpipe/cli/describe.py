@@ -33,6 +33,7 @@ def describe(path: Path) -> Facts:
         What is there cannot be read.
     """
     from ibrpipe.io.scenes import is_scene, read_scene
+    from ibrpipe.io.surfaces.reliefs import is_reliefs
     from ibrpipe.io.videos.read import is_video
 
     if not path.exists():
@@ -45,6 +46,8 @@ def describe(path: Path) -> Facts:
         if path.suffix.lower() != ".json":
             raise FormatError(f"{path}: is neither a views.json nor a scene; give the folder that holds it")
         return _views(path)
+    if is_reliefs(path):
+        return _reliefs(path)
     if (path / "asset.json").is_file():
         return _asset(path)
     if (path / RUN_NAME).is_file():
@@ -195,6 +198,21 @@ def _cost(manifest: Manifest) -> Facts:
         "peak_memory_bytes": manifest.peak_memory_bytes,
         "bytes": sum(manifest.files.values()),
     }
+
+
+def _reliefs(path: Path) -> Facts:
+    from ibrpipe.io.documents.reliefs import ReliefsFile
+    from ibrpipe.io.photos.image_files import read_header
+    from ibrpipe.io.surfaces.reliefs import INDEX
+
+    document = ReliefsFile.read(path / INDEX, "is no list of relief textures", "relief images")
+    facts: Facts = {"kind": "relief textures", "path": str(path), "bytes": bytes_below(path)}
+    facts |= {"generator": document.generator, "made_from": document.made_from, "textures": {}}
+    for entry in document.reliefs:
+        header = read_header(path / entry.file)
+        own = {"texels": f"{header.width} x {header.height}", "file": entry.file, "joined": entry.joined}
+        facts["textures"][entry.name] = own | ({} if entry.file.endswith(".exr") else {"step": entry.step})
+    return facts
 
 
 def _asset(path: Path) -> Facts:

@@ -28,6 +28,7 @@ def models() -> dict[str, type[BaseModel]]:
     from ibrpipe.engine.run_document import RunDocument
     from ibrpipe.io.documents.impostors import Impostors
     from ibrpipe.io.documents.prerendered import PrerenderedFile
+    from ibrpipe.io.documents.reliefs import ReliefsFile
     from ibrpipe.io.documents.scene import SceneDocument
     from ibrpipe.io.manifest import Manifest
     from ibrpipe.renderers.registry import BUILT_IN, find_renderer
@@ -39,6 +40,7 @@ def models() -> dict[str, type[BaseModel]]:
     found |= {
         "hard_cases": HardCasesFile,
         "manifest": Manifest,
+        "reliefs": ReliefsFile,
         "run": RunDocument,
         "scene": SceneDocument,
         "impostors": Impostors,

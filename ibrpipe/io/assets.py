@@ -25,9 +25,10 @@ from ibrpipe.io.layer_pictures import Coding, read_layer_pictures, write_layer_p
 from ibrpipe.io.layer_pictures.avif import QUICK
 from ibrpipe.io.layers import read_layers, write_layers
 from ibrpipe.io.own_files import listed_by_manifest, put_in_place, real_folder, recover
+from ibrpipe.io.surfaces.reliefs import is_reliefs, read_reliefs, reliefs_as_asset
 from ibrpipe.io.untrusted.boundary import reader, utf8_text
 from ibrpipe.io.untrusted.inside import inside
-from ibrpipe.types import Asset, LayeredDepthImage, Texture, ViewDependence
+from ibrpipe.types import Asset, LayeredDepthImage, ReliefTexture, Texture, ViewDependence
 from ibrpipe.types.view_dependence import SharedData
 from ibrpipe.version import VERSION
 
@@ -267,18 +268,25 @@ def _inside(index: AssetIndex, file: Path) -> AssetIndex:
 
 @reader("copy the asset again")
 def read_asset(path: str | Path) -> Asset:
-    """Read an asset folder.
+    """Read an asset folder, or one of relief textures as an asset of one layer each.
 
     Raises
     ------
     MissingFileError, FormatError
         A file is missing or damaged, or a component's kind is unknown.
     """
+    if is_reliefs(path):
+        return reliefs_as_asset(path)
     index, folder = read_index(path), Path(path)
     shared = _read_shared(index, folder)
     with compiling_told(), ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         textures = tuple(pool.map(lambda entry: _read_texture(folder, entry, shared), index.textures))
     return Asset(textures, index.model_dump())
+
+
+def read_captured(path: str | Path) -> tuple[Asset | ReliefTexture | Texture, ...]:
+    """Read what a folder holds as renderers take it: an asset, or relief textures; raises as `read_asset`."""
+    return read_reliefs(path) if is_reliefs(path) else (read_asset(path),)
 
 
 def read_textures(path: str | Path, names: Sequence[str] | None = None) -> Iterator[Texture]:

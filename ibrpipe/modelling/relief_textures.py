@@ -24,7 +24,7 @@ from ibrpipe.types import (
     ReliefTexture,
     Texture,
 )
-from ibrpipe.types.layers import single_layer
+from ibrpipe.types.layers import layers_of_relief, relief_normals
 from ibrpipe.types.mesh import MeshColors
 
 #: side of a mesh -> axis that is looked along, its sign, and the axes of columns and rows (rows go down the picture)
@@ -64,7 +64,7 @@ def relief_from_images(
     frame = ParallelFrame(np.array([-0.5 * width, 0.5 * tall, 0.0]), a, b, f)
     if color is None:
         bare = ReliefTexture(frame, np.zeros((rows, columns, 3)), height)
-        color = clay(np.nan_to_num(_normals(bare)))
+        color = clay(np.nan_to_num(relief_normals(bare)))
     return ReliefTexture(frame, color, height)
 
 
@@ -254,37 +254,10 @@ def _range_mesh(image: DepthImage) -> tuple[Array, Array]:
 
 def asset_from_reliefs(reliefs: Sequence[ReliefTexture], names: Sequence[str], made_from: str) -> Asset:
     """Return the asset of relief textures: layered images of one layer, f into the surface, normals of the heights."""
-    textures = tuple(Texture(layers_from_relief(relief)) for relief in reliefs)
+    textures = tuple(Texture(layers_of_relief(relief)) for relief in reliefs)
     info = {
         "textures": [{"name": name} for name in names],
         "units": "scene units",
         "provenance": {"made": "ibrpipe relief", "from": made_from},
     }
     return Asset(textures, info)
-
-
-def layers_from_relief(relief: ReliefTexture) -> LayeredDepthImage:
-    """Return the layered form of a relief texture: one sample per opaque texel, seen from where its f points."""
-    frame = relief.frame
-    flipped = ParallelFrame(frame.origin, frame.a, frame.b, -frame.f)
-    return single_layer(flipped, -relief.height, relief.color, _normals(relief), observed=True)
-
-
-def _normals(relief: ReliefTexture) -> Array:
-    """(H, W, 3) float32 unit normals on the side of f; one-sided steps beside holes, level where all are."""
-    frame, tangents = relief.frame, []
-    for axis, texel in ((1, frame.a), (0, frame.b)):
-        step = _slopes(relief.height.astype(np.float64), axis)
-        tangents.append(texel + step[..., None] * frame.f)
-    normal = np.cross(*tangents) * np.sign(np.linalg.det(frame.world_from_local))
-    length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    return (normal / np.where(length > 0, length, np.nan)).astype(np.float32)
-
-
-def _slopes(height: Array, axis: int) -> Array:
-    """Mean of the steps to both neighbours along an axis, the one that exists, or 0."""
-    step = np.diff(height, axis=axis)
-    edge = np.full_like(np.take(height, [0], axis), np.nan)
-    both = np.stack([np.concatenate([edge, step], axis), np.concatenate([step, edge], axis)])
-    known = np.isfinite(both)
-    return np.where(known, both, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ibrpipe.types.arrays import Array
 from ibrpipe.types.camera import Camera, ParallelFrame
-from ibrpipe.types.textures import LayeredDepthImage
+from ibrpipe.types.textures import LayeredDepthImage, ReliefTexture
 
 
 def offsets_of(counts: Array) -> Array:
@@ -64,3 +64,30 @@ def pitch_of(layers: LayeredDepthImage) -> float:
         focal = float(max(layers.frame.K[0, 0], layers.frame.K[1, 1]))
         return float(layers.depth.min()) / focal if len(layers.depth) else 1.0
     return float(min(np.linalg.norm(layers.frame.a), np.linalg.norm(layers.frame.b)))
+
+
+def layers_of_relief(relief: ReliefTexture) -> LayeredDepthImage:
+    """Return the layered form of a relief texture: one sample per opaque texel, seen from where its f points."""
+    frame = relief.frame
+    flipped = ParallelFrame(frame.origin, frame.a, frame.b, -frame.f)
+    return single_layer(flipped, -relief.height, relief.color, relief_normals(relief), observed=True)
+
+
+def relief_normals(relief: ReliefTexture) -> Array:
+    """Return (H, W, 3) float32 unit normals on the side of f; one-sided steps beside holes, level where all are."""
+    frame, tangents = relief.frame, []
+    for axis, texel in ((1, frame.a), (0, frame.b)):
+        step = _slopes(relief.height.astype(np.float64), axis)
+        tangents.append(texel + step[..., None] * frame.f)
+    normal = np.cross(*tangents) * np.sign(np.linalg.det(frame.world_from_local))
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    return (normal / np.where(length > 0, length, np.nan)).astype(np.float32)
+
+
+def _slopes(height: Array, axis: int) -> Array:
+    """Mean of the steps to both neighbours along an axis, the one that exists, or 0."""
+    step = np.diff(height, axis=axis)
+    edge = np.full_like(np.take(height, [0], axis), np.nan)
+    both = np.stack([np.concatenate([edge, step], axis), np.concatenate([step, edge], axis)])
+    known = np.isfinite(both)
+    return np.where(known, both, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)

@@ -11,13 +11,13 @@ from ibrpipe.modelling.relief_textures import (
     Plane,
     asset_from_reliefs,
     box_from_mesh,
-    layers_from_relief,
     relief_from_images,
     relief_from_layers,
     relief_from_mesh,
     reliefs_from_range,
 )
 from ibrpipe.types import Mesh
+from ibrpipe.types.layers import layers_of_relief
 
 
 def ball(n=48, radius=1.0):
@@ -113,10 +113,10 @@ def test_quads_are_merged_only_for_the_faces_of_one_box():
 
 def test_layers_and_back():
     relief = relief_from_mesh(ball(), "+z", 24)
-    again = relief_from_layers(layers_from_relief(relief))
+    again = relief_from_layers(layers_of_relief(relief))
     np.testing.assert_array_equal(again.height, relief.height)
     np.testing.assert_array_equal(again.color[np.isfinite(relief.height)], relief.color[np.isfinite(relief.height)])
-    layers = layers_from_relief(relief)
+    layers = layers_of_relief(relief)
     inner = np.linalg.norm(positions(relief)[:, :2], axis=1) < 0.7
     assert (np.sum(layers.normal * positions(relief), axis=1)[inner] > 0.97).all()
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ibrpipe.cli.options import PATH, example, mesh_color_option
+from ibrpipe.cli.options import PATH, LiteralChoice, example, mesh_color_option
 from ibrpipe.cli.relief.meshes import dual, mesh_map
 from ibrpipe.cli.relief.prewarped import command as prewarp
 from ibrpipe.errors import ConfigError, IbrError, MissingFileError
@@ -16,6 +16,12 @@ from ibrpipe.io.untrusted.boundary import utf8_text
 from ibrpipe.io.yaml_settings import value_of
 
 _OUT = click.option("--out", type=PATH, required=True, metavar="DIR", help="Asset folder to write.")
+_BITS = click.option(
+    "--bits",
+    type=LiteralChoice((8, 16, "float")),
+    default=None,
+    help="Write relief textures, one image of colour and displacement each, of 8 or 16 bits or floats.",
+)
 _TEXELS = click.option(
     "--texels",
     type=click.IntRange(2, 8192),
@@ -53,6 +59,10 @@ def command() -> None:
     default=None,
     help="Heights of code 0 and of full scale, scene units.  [default: 0 1 for integers, as stored for floats]",
 )
+@click.option(
+    "--part", is_flag=True, help="Part neighbours whose heights differ by over 4 texels; else all are joined."
+)
+@_BITS
 @_OUT
 def images(
     folder: Path | None,
@@ -60,9 +70,14 @@ def images(
     color: Path | None,
     size: tuple[float, float],
     depth_range: tuple[float, float] | None,
+    part: bool,
+    bits: Any,
     out: Path,
 ) -> None:
-    """Lay the height map and colours of FOLDER (height.*, color.*) on a rectangle, heights along +z."""
+    """Lay the height map and colours of FOLDER (height.*, color.*) on a rectangle, heights along +z.
+
+    Writes a relief texture, of 16 bits unless --bits says otherwise.
+    """
     from ibrpipe.io.surfaces.relief_images import read_color, read_height, read_relief_folder
     from ibrpipe.modelling.relief_textures import PARTED, relief_from_images, steep_share
 
@@ -75,26 +90,27 @@ def images(
         heights, colors = read_height(height or Path(), depth_range), None
     colors = read_color(color) if color is not None else colors
     made = relief_from_images(heights, colors, size)
-    _write([made], ["front"], folder or height, out)
+    _write([made], ["front"], folder or height, out, bits or 16, joined=not part)
     steep = steep_share(made)
     if steep > 1e-3:
+        done = "parted" if part else "joined all the same; --part parts them"
         click.echo(
-            f"{100 * steep:.1f} % of neighbouring texels differ by over {PARTED:g} texels of height and will be parted "
-            "when the asset is rendered; lower --depth-range, or render it as ibrpipe.ReliefTexture in Python"
+            f"{100 * steep:.1f} % of neighbouring texels differ by over {PARTED:g} texels of height; they are {done}"
         )
 
 
 @command.command(epilog=example("ibrpipe relief asset out/asset --out first_layers"))
 @click.argument("asset", type=PATH)
+@_BITS
 @_OUT
-def asset(asset: Path, out: Path) -> None:
+def asset(asset: Path, bits: Any, out: Path) -> None:
     """Keep the first layer of every texture of ASSET."""
     from ibrpipe.io.assets import read_asset
     from ibrpipe.modelling.relief_textures import relief_from_layers
 
     whole = read_asset(asset)
     names = [entry["name"] for entry in whole.info["textures"]]
-    _write([relief_from_layers(texture) for texture in whole.textures], names, asset, out)
+    _write([relief_from_layers(texture) for texture in whole.textures], names, asset, out, bits)
 
 
 @command.command(epilog=example("ibrpipe relief mesh dragon.ply --side +z --texels 512 --out front"))
@@ -102,28 +118,30 @@ def asset(asset: Path, out: Path) -> None:
 @click.option("--side", default="+z", show_default=True, help="Side it is seen from: +x, -x, +y, -y, +z or -z.")
 @_TEXELS
 @mesh_color_option
+@_BITS
 @_OUT
-def mesh(mesh: Path, side: str, texels: int, color: Path | None, out: Path) -> None:
+def mesh(mesh: Path, side: str, texels: int, color: Path | None, bits: Any, out: Path) -> None:
     """Sample one side of MESH orthographically from its bounding box, in its colours; clay without any."""
     from ibrpipe.io.surfaces.colored_meshes import read_colored
     from ibrpipe.modelling.relief_textures import relief_from_mesh
 
     surface, colors = read_colored(mesh, color)
-    _write([relief_from_mesh(surface, side, texels, colors)], [side], mesh, out)
+    _write([relief_from_mesh(surface, side, texels, colors)], [side], mesh, out, bits)
 
 
 @command.command(epilog=example("ibrpipe relief box bunny.ply --texels 512 --out bunny"))
 @click.argument("mesh", type=PATH)
 @_TEXELS
 @mesh_color_option
+@_BITS
 @_OUT
-def box(mesh: Path, texels: int, color: Path | None, out: Path) -> None:
+def box(mesh: Path, texels: int, color: Path | None, bits: Any, out: Path) -> None:
     """Sample all six sides of MESH in its colours: an object that is seen from everywhere."""
     from ibrpipe.io.surfaces.colored_meshes import read_colored
     from ibrpipe.modelling.relief_textures import SIDES, box_from_mesh
 
     surface, colors = read_colored(mesh, color)
-    _write(box_from_mesh(surface, texels, colors), list(SIDES), mesh, out)
+    _write(box_from_mesh(surface, texels, colors), list(SIDES), mesh, out, bits)
 
 
 @command.command(name="range", epilog=example("ibrpipe relief range captures/room --planes planes.yaml --out room"))
@@ -135,8 +153,9 @@ def box(mesh: Path, texels: int, color: Path | None, out: Path) -> None:
     metavar="FILE",
     help="YAML list of planes: origin, across, down (3 numbers each), columns, rows, and optional near, far.",
 )
+@_BITS
 @_OUT
-def range_data(capture: Path, planes: Path, out: Path) -> None:
+def range_data(capture: Path, planes: Path, bits: Any, out: Path) -> None:
     """Resample the views of CAPTURE that have depth maps onto planes that the user places."""
     from ibrpipe.io.captures import read_capture
     from ibrpipe.io.views import load_depth, load_view
@@ -149,7 +168,7 @@ def range_data(capture: Path, planes: Path, out: Path) -> None:
     if not views:
         raise MissingFileError(f"{capture}: no view has a depth map; put them into depth/ beside images/")
     scans = [DepthImage(view.camera, load_view(view)[0], load_depth(view)) for view in views]
-    _write(reliefs_from_range(scans, frames), [f"plane_{i:02d}" for i in range(len(frames))], capture, out)
+    _write(reliefs_from_range(scans, frames), [f"plane_{i:02d}" for i in range(len(frames))], capture, out, bits)
 
 
 def _planes(path: Path) -> list[Any]:
@@ -172,11 +191,18 @@ def _planes(path: Path) -> list[Any]:
 _VECTORS = ("origin", "across", "down")
 
 
-def _write(reliefs: Sequence[Any], names: Sequence[str], source: Path | None, out: Path) -> None:
+def _write(
+    reliefs: Sequence[Any], names: Sequence[str], source: Path | None, out: Path, bits: Any, joined: bool = False
+) -> None:
+    """Write relief textures of so many bits; None: an asset."""
     from ibrpipe.io.assets import write_asset
+    from ibrpipe.io.surfaces.reliefs import write_reliefs
     from ibrpipe.modelling.relief_textures import asset_from_reliefs
 
-    write_asset(asset_from_reliefs(reliefs, names, str(source)), out)
+    if bits is None:
+        write_asset(asset_from_reliefs(reliefs, names, str(source)), out)
+    else:
+        write_reliefs(reliefs, out, names, bits=bits, joined=joined, made_from=str(source))
     texels = sum(relief.height.size for relief in reliefs)
     click.echo(f"{out}: {len(reliefs)} relief texture{'s' if len(reliefs) > 1 else ''}, {texels} texels")
 

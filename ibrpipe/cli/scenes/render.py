@@ -20,6 +20,7 @@ from ibrpipe.engine.run_folder import made_folder
 from ibrpipe.engine.stage import Stage
 from ibrpipe.io.manifest import RUN_NAME
 from ibrpipe.io.paths import frames_folder
+from ibrpipe.io.surfaces.reliefs import is_reliefs
 from ibrpipe.stages.registry import load_stage, load_stages
 
 if TYPE_CHECKING:
@@ -123,12 +124,12 @@ def _read_together(assets: Sequence[Path], meshes: Sequence[Path]) -> Scene:
     """Return assets and meshes as one scene, each where its own coordinates put it."""
     import numpy as np
 
-    from ibrpipe.io.assets import read_asset
+    from ibrpipe.io.assets import read_captured
     from ibrpipe.io.scenes.painted import read_painted
     from ibrpipe.types import Instances, Part, Scene
 
     shapes = Part("meshes", tuple(mesh for file in meshes for mesh in read_painted(file)))
-    things = Part("assets", sources=tuple(read_asset(folder) for folder in assets))
+    things = Part("assets", sources=tuple(each for folder in assets for each in read_captured(folder)))
     held = tuple(Instances(part.name, np.eye(4)) for part in (things, shapes))
     return Scene([things, shapes, Part("scene", children=held)], "scene")
 
@@ -146,7 +147,7 @@ def render_command() -> click.Command:
             return
         if slices is not None:
             raise click.UsageError("--slices are those of a scene; give --scene, too")
-        if mesh or len(asset) > 1:
+        if mesh or len(asset) > 1 or any(map(is_reliefs, asset)):
             _together_command(stage, asset, mesh, values)
         else:
             _asset_command(stage, {**values, "asset": asset[0] if asset else None})

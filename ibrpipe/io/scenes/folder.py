@@ -10,7 +10,7 @@ from pathlib import Path, PureWindowsPath
 import numpy as np
 
 from ibrpipe.errors import ConfigError, FormatError, IbrError, MissingFileError, closest
-from ibrpipe.io.assets import read_asset
+from ibrpipe.io.assets import read_captured
 from ibrpipe.io.documents.scene import Copies, Placement, Relief, SceneDocument, SceneLighting, ScenePart
 from ibrpipe.io.scenes.painted import read_painted
 from ibrpipe.io.scenes.placement import placement_matrix, read_matrices, singular
@@ -88,7 +88,7 @@ class _Reader:
         for n, folder in enumerate(entry.assets):
             at: Key = (*key, "assets", n)
             with self._at(at):
-                yield read_asset(self._path(folder, at))
+                yield from read_captured(self._path(folder, at))
         for n, relief in enumerate(entry.reliefs):
             at = (*key, "reliefs", n)
             with self._at(at):
