@@ -1,6 +1,7 @@
 """The published search (policarpo2005, sec. 3) in a box over a height field: linear steps, then bisection.
 
-The part of the ray inside the box is walked in `steps` equal steps; the first sample at or beyond the surface and its
+The part of the ray inside the box is walked in equal steps, fewer where a tile of rays falls along the normal (as
+policarpo2005 does, sec. 5: in proportion to 1 - cos, here of the tile's most grazing corner); the first sample at or beyond the surface and its
 predecessor are halved `bisection_steps` times, heights being bilinear. Sixty-four rays march together in loops without
 branches, and the samples that a tile of rays provably takes outside the surface (:mod:`ibrpipe.core.relief.beam`) are
 not fetched, so the picture is that of the plain search.
@@ -112,18 +113,32 @@ def skip_samples(nodes, first, level, columns, last_i, last_j, low, step, side, 
     return moved
 
 
+@inlined
+def steps_of(pace, x0, y0):
+    # samples of the rays of the tile at (x0, y0); pace: see search_linear
+    least = 1.0
+    for c in range(4):
+        x, y = x0 + WIDTH * (c & 1), y0 + HEIGHT * (c >> 1)
+        along = abs(pace[3] * x + pace[4] * y + pace[5])
+        square = x * (pace[6] * x + 2.0 * (pace[7] * y + pace[8])) + y * (pace[9] * y + 2.0 * pace[10]) + pace[11]
+        least = min(least, along / np.sqrt(max(square, 1e-300)))
+    steps = np.int64(np.ceil(pace[0] + (pace[1] - pace[0]) * (1.0 - least) - 1e-6))
+    return np.float64(max(min(steps, np.int64(pace[1])), 1))
+
+
 @kernel
-def search_linear(pairs, nodes, plan, grid, start, Q_of, side, steps, bisection_steps, window, out, positions):
+def search_linear(pairs, nodes, plan, grid, start, Q_of, side, pace, window, out, positions):
     # pairs (H * stride - 1,) i64: texel and its right neighbour, overlapping; grid (5,) f64: low, scale, bottom, top,
     # stride; start (3,), Q_of (9,) f64: rays; window (4,) i64: x0, x1, y0, y1 pixels; out (h, w) f32 camera depth,
-    # lowered in place where the ray hits nearer; positions (h, w, 2) f64 or (0, 0, 2): hits in cells
+    # lowered in place where the ray hits nearer; pace (12,) f64: samples along the normal, at grazing angles, and
+    # halvings; N (3,) and the upper half of M (6,): a pixel's ray p = (x, y, 1) makes the angle to the normal whose
+    # cosine is |N p| / sqrt(p M p); positions (h, w, 2) f64 or (0, 0, 2): hits in cells
     across = (window[1] - window[0] + WIDTH - 1) // WIDTH
     down = (window[3] - window[2] + HEIGHT - 1) // HEIGHT
     columns, rows = float(plan[1]), float(plan[0])
     last_i, last_j = np.float32(columns - 1.0), np.float32(rows - 1.0)
     stride = np.uint32(grid[4])
-    side32, steps32 = np.float32(side), np.float32(steps)
-    share = np.float32(1.0 / steps)
+    side32, bisection_steps = np.float32(side), np.int64(pace[2])
     low, step = np.float32(grid[0]), np.float32(1.0 / grid[1])
     half, one, zero = np.float32(0.5), np.float32(1.0), np.float32(0.0)
     for tile in prange(across * down):
@@ -131,6 +146,8 @@ def search_linear(pairs, nodes, plan, grid, start, Q_of, side, steps, bisection_
         directions = np.empty(12)
         x0 = float(window[0] + (np.int64(tile) % across) * WIDTH)
         y0 = float(window[2] + (np.int64(tile) // across) * HEIGHT)
+        steps = steps_of(pace, x0, y0)
+        steps32, share = np.float32(steps), np.float32(1.0 / steps)
         corner_directions(Q_of, x0, y0, x0 + WIDTH, y0 + HEIGHT, directions)
         t, end = beam_start(nodes, plan, grid[0], grid[1], grid[2], grid[3], start, directions, 3)
         if not t < end:

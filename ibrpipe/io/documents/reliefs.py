@@ -23,8 +23,8 @@ class ReliefEntry(Document):
 
     name: str = Field(description="Such as the side of the object that it shows")
     file: str = Field(
-        description="Image in the same folder: PNG of 8 or 16 bits with R, G, B in sRGB and the displacement's index in "
-        "alpha, its greatest code transparent; or OpenEXR with linear R, G, B and heights Z, NaN = transparent"
+        description="Image in the same folder: PNG of 8 or 16 bits with R, G, B in sRGB and the displacement's index "
+        "in alpha, its greatest code transparent; or OpenEXR with linear R, G, B and heights Z, NaN = transparent"
     )
     frame: ReliefFrame
     low: float = Field(0.0, description="Height of index 0, scene units; of PNG alone")

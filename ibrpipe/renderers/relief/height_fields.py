@@ -129,12 +129,30 @@ class Field:
             self.grid,
             *rays,
             side,
-            options.linear_steps,
-            options.binary_steps,
+            self.pace(camera, options),
             window,
             depth,
             hit_cells,
         )
+
+    def pace(self, camera: Camera, options: ReliefOptions) -> Array:
+        """Samples of the published search along the normal and at grazing angles, halvings, and what gives the angle.
+
+        See :func:`ibrpipe.core.relief.linear.search_linear`.
+        """
+        most = options.linear_steps
+        least = most if options.least_steps is None else min(options.least_steps, most)
+        rays = camera.world_from_pixel
+        square = rays.T @ rays
+        return np.array([least, most, options.binary_steps, *(self.normal @ rays), *square[np.triu_indices(3)]])
+
+    @cached_property
+    def normal(self) -> Array:
+        """(3,) float64 unit normal of the texture's plane, world."""
+        across = np.linalg.inv(self.pose.linear[:3])
+        normal = np.cross(across[:, 0], across[:, 1])
+        unit: Array = normal / np.linalg.norm(normal)
+        return unit
 
     def outside(self, eye: Array) -> float:
         """Return +1 where the eye (u, v, d) is above the height nearest to it, else -1; holes count as half way up."""

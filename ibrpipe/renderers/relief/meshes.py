@@ -25,6 +25,8 @@ from ibrpipe.types.relief_mesh import ReliefMesh
 CREASE = math.cos(math.radians(40.0))
 #: sheets of polygons that are looked through, one behind the other, at most
 SHEETS = 32
+#: steps along the normal where the options do not say
+MESH_STEPS = 10
 MAPPINGS = {"plain": 0.0, "bump": 1.0, "parallax": 2.0, "relief": 3.0}
 
 _LAYERS = "Tuple((float32[:,::1], float32[:,::1], float32[::1], float32[::1], int64[::1]))"
@@ -147,7 +149,7 @@ class MeshPart:
         rule[core.SHIFT], rule[core.DEEP] = shift_of(self.source.edges == "wrap"), self.source.thickness
         rule[core.MAPPING], rule[core.EXACT] = MAPPINGS[options.mapping], options.search == "exact"
         rule[core.STEPS], rule[core.BISECTION_STEPS] = options.linear_steps, options.binary_steps
-        rule[core.LEAST] = options.least_steps
+        rule[core.LEAST] = MESH_STEPS if options.least_steps is None else options.least_steps
         return rule
 
     def draw(

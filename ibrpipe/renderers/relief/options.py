@@ -72,8 +72,11 @@ class ReliefOptions(RendererOptions):
     search: Search = Field(default="exact", description="How hits are found: no feature is missed, or as published")
     linear_steps: int = Field(default=32, ge=1, le=4096, description="Steps of the published search along the ray")
     binary_steps: int = Field(default=8, ge=0, le=64, description="Bisections of the published search after them")
-    least_steps: int = Field(
-        default=10, ge=1, le=4096, description="Meshes: steps of the published search along the normal"
+    least_steps: int | None = Field(
+        default=None,
+        ge=1,
+        le=4096,
+        description="Steps of the published search along the normal; none: 10 on meshes, linear_steps on height fields",
     )
     mapping: Mapping = Field(default="relief", description="Meshes: what is mapped; others than relief are baselines")
     model: Literal["flat", "shell"] = Field(

@@ -12,6 +12,7 @@ from small_fields import CAMERAS, lies_between, relief
 from ibrpipe.core.ldi.quadtree import EMPTY, STEPS
 from ibrpipe.core.relief import beam, exact, linear, pyramid, shade
 from ibrpipe.renderers.relief.height_fields import build_field, pairs
+from ibrpipe.renderers.relief.options import ReliefOptions
 from ibrpipe.types import Camera
 
 NOWHERE = np.empty((0, 0, 2))
@@ -104,12 +105,39 @@ def test_linear_search_equals_the_published_one(eye):
     plan, nodes = field.pyramid
     window = np.array([0, camera.width, 0, camera.height])
     depth = np.full((camera.height, camera.width), np.inf, np.float32)
-    rays = rays_of(field, camera)
-    linear.search_linear(pairs(field.height), nodes, plan, field.grid, *rays, 1.0, 24, 8, window, depth, NOWHERE)
+    rays, pace = rays_of(field, camera), field.pace(camera, ReliefOptions(linear_steps=24, binary_steps=8))
+    linear.search_linear(pairs(field.height), nodes, plan, field.grid, *rays, 1.0, pace, window, depth, NOWHERE)
     want = linear_binary(source, camera, 24, 8)
     same = np.isclose(depth, want, rtol=1e-4) | (np.isinf(depth) & np.isinf(want))
     assert np.isfinite(want).sum() > 12
     assert np.mean(~same) <= 0.02
+
+
+@pytest.mark.parametrize("eye", [(4.1, 3.07, 11.1), (-9.1, 2.13, 5.57)])
+def test_tiles_of_rays_along_the_normal_take_fewer_steps(eye):
+    source, camera = relief((12, 9), holes=0.0), Camera.look_at(eye, (4.1, 3.03, 1), width=40, height=33)
+    field, options = build_field(source), ReliefOptions(linear_steps=24, least_steps=6, binary_steps=8)
+    plan, nodes = field.pyramid
+    depth = np.full((camera.height, camera.width), np.inf, np.float32)
+    pace, window = field.pace(camera, options), np.array([0, camera.width, 0, camera.height])
+    linear.search_linear(pairs(field.height), nodes, plan, field.grid, *rays_of(field, camera), 1.0, pace, window, depth,
+                         NOWHERE)  # fmt: skip
+    counts, pictures = set(), {}
+    normal = source.frame.f
+    for y, x in np.ndindex(3, 3):
+        corners = np.array([[16 * x, 16 * y], [16 * x + 16, 16 * y], [16 * x, 16 * y + 16], [16 * x + 16, 16 * y + 16]])
+        ways = camera.pixel_rays(corners.astype(float))
+        grazing = (np.abs(ways @ normal) / np.linalg.norm(ways, axis=1)).min()
+        steps = min(int(np.ceil(6 + 18 * (1 - grazing) - 1e-6)), 24)
+        counts.add(steps)
+        if steps not in pictures:
+            pictures[steps] = linear_binary(source, camera, steps, 8)
+        tile = slice(16 * y, 16 * y + 16), slice(16 * x, 16 * x + 16)
+        want, found = pictures[steps][tile], depth[tile]
+        same = np.isclose(found, want, rtol=1e-4) | (np.isinf(found) & np.isinf(want))
+        assert np.mean(~same) <= 0.03
+    assert len(counts) > 1
+    assert min(counts) < (10 if eye[2] > 10 else 24)
 
 
 def test_a_field_of_holes_is_nowhere():
