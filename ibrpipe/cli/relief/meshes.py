@@ -17,7 +17,7 @@ _VECTOR = (float, float, float)
 #: options of renderer `relief` that the command has, in the order of ``frames.json``
 _LOOK = (
     "mapping", "model", "search", "ambient", "diffuse", "specular", "shininess", "shadows", "two_sided", "anisotropy",
-    "linear_steps", "least_steps", "binary_steps",
+    "linear_steps", "least_steps", "binary_steps", "level",
 )  # fmt: skip
 #: those of them that are one number, or three for red, green and blue
 _SHARES = ("ambient", "diffuse", "specular")

@@ -5,7 +5,6 @@ Departures from the paper stand in ``docs/renderers/prewarp.md``.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -18,6 +17,7 @@ from ibrpipe.core.prewarp import view as prewarp_view
 from ibrpipe.renderers.frames import limited_threads, make_frame
 from ibrpipe.renderers.ldi import renderer as ldi
 from ibrpipe.renderers.ldi.options import LdiOptions
+from ibrpipe.renderers.levels import level_of
 from ibrpipe.renderers.prewarp.box import Box, draw_box, find_box
 from ibrpipe.renderers.prewarp.faces import Face, Sight, plane_face, sight, wall_face, wide_plane, wide_wall
 from ibrpipe.renderers.prewarp.options import PrewarpOptions
@@ -227,17 +227,7 @@ def projected_level(relief: Relief, camera: Camera) -> int:
     frame, middle = relief.frame, 0.5 * (low + high)
     u, v = np.array([0, columns, columns, 0]), np.array([0, 0, rows, rows])
     corners = frame.origin + u[:, None] * frame.a + v[:, None] * frame.b + middle * frame.f
-    x, y, z = (camera.K @ (camera.R @ corners.T + camera.t[:, None])).tolist()
-    if min(z) <= 1e-6 * max(abs(each) for each in z):
-        return 0
-    x, y = [p / w for p, w in zip(x, z, strict=True)], [p / w for p, w in zip(y, z, strict=True)]
-    area, sparest = 0.0, np.inf
-    for k, texels in enumerate((columns, rows, columns, rows)):
-        area += 0.5 * (x[k - 1] * y[k] - x[k] * y[k - 1])
-        side = math.hypot(x[(k + 1) % 4] - x[k], y[(k + 1) % 4] - y[k])
-        sparest = min(sparest, (texels / max(side, 1e-9)) ** 2)
-    sparest = min(sparest, rows * columns / max(abs(area), 1.0))
-    return int(min(max(math.floor(0.5 * math.log2(sparest)), 0), 12))
+    return level_of(camera.K @ (camera.R @ corners.T + camera.t[:, None]), rows, columns)
 
 
 def visible_faces(relief: Relief, view: Sight) -> list[tuple[Face, bool]]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ibrpipe.core.prewarp import rows as prewarp
 from ibrpipe.errors import RendererError
+from ibrpipe.renderers.levels import halved
 from ibrpipe.renderers.prewarp.faces import Face, Sight
 from ibrpipe.types import Array, LayeredDepthImage, ParallelFrame, ReliefTexture, Texture
 from ibrpipe.types.layers import opaque
@@ -70,7 +71,7 @@ class Relief:
             return self
         if "half" not in self.made:
             frame = ParallelFrame(self.frame.origin, 2 * self.frame.a, 2 * self.frame.b, self.frame.f)
-            height, color = _halved(self.height[..., None], self.height)[..., 0], _halved(self.color, self.height)
+            height, color = halved(self.height[..., None], self.height)[..., 0], halved(self.color, self.height)
             self.made["half"] = replace(self, frame=frame, height=height, color=color, gap=2 * self.gap, made={})
         half: Relief = self.made["half"]
         return half.level(number - 1)
@@ -183,16 +184,3 @@ def build_relief(source: ReliefTexture | LayeredDepthImage | Texture) -> Relief:
     height[some], color[some] = source.depth[first[some]], source.color[first[some]]
     texel = max(np.linalg.norm(frame.a), np.linalg.norm(frame.b))
     return Relief(frame, height, color, GAP * float(texel), True, source)
-
-
-def _halved(values: Array, height: Array) -> Array:
-    """Mean (H / 2, W / 2, C) float32 over the opaque texels of every 2 x 2; NaN heights where all are transparent."""
-    rows, columns = -(-height.shape[0] // 2), -(-height.shape[1] // 2)
-    padded = np.full((2 * rows, 2 * columns, values.shape[2]), np.nan)
-    padded[: height.shape[0], : height.shape[1]] = np.where(np.isnan(height)[..., None], np.nan, values)
-    blocks = padded.reshape(rows, 2, columns, 2, -1).transpose(0, 2, 1, 3, 4).reshape(rows, columns, 4, -1)
-    known = np.isfinite(blocks)
-    total = np.where(known, blocks, 0.0).sum(axis=2)
-    count = known.sum(axis=2)
-    empty = np.nan if values.shape[2] == 1 else 0.0
-    return np.where(count > 0, total / np.maximum(count, 1), empty).astype(np.float32)

@@ -15,6 +15,7 @@ from ibrpipe.core.relief.pyramid import build_pyramid
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
 from ibrpipe.renderers.fields import HeightField, Pose, field_pose
+from ibrpipe.renderers.levels import halved, level_of
 from ibrpipe.renderers.relief.options import ReliefOptions
 from ibrpipe.renderers.search.epipolar_lines import Map, cast_map, height_map
 from ibrpipe.types import Array, Camera, LayeredDepthImage, ParallelFrame, ReliefTexture, Texture
@@ -87,10 +88,34 @@ class Field:
             _ = self.whole
         return self
 
+    def level(self, number: int) -> Field:
+        """Level of the pyramid: 2^number x 2^number texels averaged, colours with heights; at least two on a side."""
+        return self if number <= 0 or min(self.height.shape) < 4 else self.half.level(number - 1)
+
+    @cached_property
+    def half(self) -> Field:
+        """The next level."""
+        height, color = halved(self.height[..., None], self.height)[..., 0], halved(self.color, self.height)
+        linear, shift = self.pose.linear.copy(), self.pose.shift.copy()
+        linear[:2] *= 0.5
+        shift[:2] = 0.5 * (shift[:2] - 0.5)
+        return laid_field(Pose(linear, self.pose.origin, shift, False), height, color, 2.0 * self.gap, self.front)
+
+    def suited_level(self, camera: Camera) -> int:
+        """Level at which texels are about as large as pixels, and none is larger."""
+        low, high = self.grid[2:4]
+        if not low <= high:
+            return 0
+        rows, columns = self.height.shape
+        u, v = np.array([0, columns, columns, 0]) - 0.5, np.array([0, 0, rows, rows]) - 0.5
+        corners = np.stack([u, v, np.full(4, 0.5 * (low + high)), np.ones(4)])
+        return level_of(self.pose.pixel_from_field(camera) @ corners, rows, columns)
+
     @property
     def bytes(self) -> int:
         """Bytes held beyond the source itself."""
         lines = self.lines.bytes if self.lines else 0
+        lines += self.half.bytes + self.half.height.nbytes + self.half.color.nbytes if "half" in self.__dict__ else 0
         return lines + (self.pyramid[1].nbytes if "pyramid" in self.__dict__ else 0)
 
     def search(self, camera: Camera, options: ReliefOptions, depth: Array, hit_cells: Array) -> None:
@@ -191,19 +216,17 @@ def build_field(source: Any) -> Field:
         known = np.ones((*source.height.shape, 1), np.float32)
         color = np.concatenate([source.color, known], axis=2)
         if min(source.height.shape) > 1:
-            return _field(source.frame, source.height, color, np.inf, False)
+            return laid_field(field_pose(source.frame, 0.5), source.height, color, np.inf, False)
         return _thin_field(source.frame, source.height, color)
     return _first_layer(source)
 
 
-def _field(
-    frame: ParallelFrame, height: Array, color: Array, gap: float, front: bool, pose: Pose | None = None
-) -> Field:
+def laid_field(pose: Pose, height: Array, color: Array, gap: float, front: bool) -> Field:
+    """Return the field of heights (H, W) and colours (H, W, 4) in a pose; see `Field`."""
     if height.size >= 2**29:
         raise RendererError(f"a texture of {height.shape[1]} x {height.shape[0]} texels is too large; cut it")
     some = np.isfinite(height)
     low, high = (float(height[some].min()), float(height[some].max())) if some.any() else (1.0, 0.0)
-    pose = pose or field_pose(frame, 0.5)
     pad = 1e-4 * max(high - low, 0.0) + 4.0 * float(np.spacing(np.float32(max(abs(low), abs(high))))) + pose.slack
     scale = STEPS / (max(high - low, 0.0) + 2.0 * pad)
     grid = np.array([low - pad, scale, low, high, height.shape[1]])
@@ -243,7 +266,7 @@ def _thin_field(frame: ParallelFrame, height: Array, color: Array) -> Field:
     linear, shift = pose.linear.copy(), pose.shift.copy()
     linear[:2] *= 2.0
     shift[:2] *= 2.0
-    return _field(frame, joined, shades, np.inf, True, Pose(linear, pose.origin, shift, False))
+    return laid_field(Pose(linear, pose.origin, shift, False), joined, shades, np.inf, True)
 
 
 def _first_layer(layers: LayeredDepthImage) -> Field:
@@ -259,4 +282,4 @@ def _first_layer(layers: LayeredDepthImage) -> Field:
     if min(layers.shape) == 1:
         return _thin_field(frame, height, color)
     texel = max(np.linalg.norm(frame.a), np.linalg.norm(frame.b))
-    return _field(frame, height, color, GAP * float(texel), True)
+    return laid_field(field_pose(frame, 0.5), height, color, GAP * float(texel), True)

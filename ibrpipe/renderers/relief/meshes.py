@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,12 @@ from ibrpipe.core.relief_mesh import hit, raster, shade
 from ibrpipe.core.relief_mesh import shell as relief_mesh_shell
 from ibrpipe.core.relief_mesh.frames import FACE_SIZE, corner_frames, face_axes
 from ibrpipe.core.relief_mesh.map import build_bounds, pad_layer, plan_levels, shift_of, slopes
-from ibrpipe.core.relief_mesh.mips import build_mips
+from ibrpipe.core.relief_mesh.mips import build_mips, halve_axis
 from ibrpipe.core.relief_mesh.tree import find_walls, fit_boxes, sort_faces
 from ibrpipe.errors import RendererError, ShapeError
+from ibrpipe.io.surfaces.materials import texture_size
 from ibrpipe.renderers.background_compile import BackgroundCompile, Kernel
+from ibrpipe.renderers.levels import COARSEST
 from ibrpipe.renderers.relief.options import ReliefOptions
 from ibrpipe.types import Array, Camera
 from ibrpipe.types.relief_mesh import ReliefMesh
@@ -105,9 +108,30 @@ class MeshPart:
     colors: tuple[Array, Array]
     normals: tuple[Array, Array]
 
+    def level(self, number: int) -> MeshPart:
+        """The same with heights of a level of their mip maps; colours and normals have their own."""
+        return self if number <= 0 or max(self.source.height.shape) < 2 else self.half.level(number - 1)
+
+    @cached_property
+    def half(self) -> MeshPart:
+        """The same with the heights of the next level; slopes stay those of all heights, with their own levels."""
+        back = None if self.source.back is None else _halved(self.source.back)
+        source = replace(self.source, height=_halved(self.source.height), back=back)
+        return replace(self, source=source, layers=_layers_of(source))
+
+    def suited_level(self, camera: Camera) -> int:
+        """Level at which a texel is about a pixel on the nearest vertex before the eye."""
+        depth = self.source.mesh.vertices @ camera.R[2] + camera.t[2]
+        if not (depth > 0).all():
+            return 0
+        texel = texture_size(self.source.mesh, self.source.uv) / max(self.source.height.shape)
+        pixels = float(max(camera.K[0, 0], camera.K[1, 1])) * texel / float(depth.min())
+        return int(min(max(math.floor(-math.log2(max(pixels, 1e-9))), 0), COARSEST))
+
     @property
     def bytes(self) -> int:
         """Bytes held beyond the source itself."""
+        below = self.half.bytes + self.half.source.height.nbytes if "half" in self.__dict__ else 0
         arrays = (
             self.first,
             self.corners,
@@ -118,7 +142,7 @@ class MeshPart:
             *self.colors,
             *self.normals,
         )
-        return sum(array.nbytes for array in arrays)
+        return below + sum(array.nbytes for array in arrays)
 
     def local_vertices(self, eye: Array, vertices: Array | None = None) -> Array:
         """Return the vertices (V, 3) counted from the eye; `vertices`, finite, replaces those of the source.
@@ -266,13 +290,6 @@ def build_mesh(source: ReliefMesh) -> MeshPart:
     order = np.argsort(first)  # as in the source: the shell's diagonals go by it
     corners = np.ascontiguousarray(np.argsort(order)[number][source.mesh.faces], np.int64)
     first = first[order]
-    front = pad_layer(1.0 - source.height, wraps)
-    plan = plan_levels(front.shape[0] - 1, front.shape[1] - 1, wraps)
-    back, highs = np.empty((0, 0), np.float32), np.empty(0, np.float32)
-    if source.back is not None:
-        back = pad_layer(1.0 - source.back, wraps)
-        highs = build_bounds(back, plan, False)
-    layers = (front, back, build_bounds(front, plan, True), highs, plan)
     color = np.ones((1, 1, 3)) if source.color is None else source.color
     normal = slopes(source.height, wraps) if source.normal is None else source.normal
     return MeshPart(
@@ -282,10 +299,26 @@ def build_mesh(source: ReliefMesh) -> MeshPart:
         incidence(corners, len(first)),
         sort_faces(source.mesh.vertices[first], corners),
         find_walls(corners, source.uv),
-        layers,
+        _layers_of(source),
         build_mips(_four(color)),
         build_mips(_four(normal)),
     )
+
+
+def _layers_of(source: ReliefMesh) -> tuple[Array, Array, Array, Array, Array]:
+    """Depths of front and back, their bounds, and the plan of these."""
+    wraps = source.edges == "wrap"
+    front = pad_layer(1.0 - source.height, wraps)
+    plan = plan_levels(front.shape[0] - 1, front.shape[1] - 1, wraps)
+    back, highs = np.empty((0, 0), np.float32), np.empty(0, np.float32)
+    if source.back is not None:
+        back = pad_layer(1.0 - source.back, wraps)
+        highs = build_bounds(back, plan, False)
+    return front, back, build_bounds(front, plan, True), highs, plan
+
+
+def _halved(heights: Array) -> Array:
+    return np.clip(halve_axis(halve_axis(heights.astype(np.float64), 0), 1), 0.0, 1.0).astype(np.float32)
 
 
 def _four(picture: Array) -> Array:

@@ -78,6 +78,10 @@ class ReliefOptions(RendererOptions):
         le=4096,
         description="Steps of the published search along the normal; none: 10 on meshes, linear_steps on height fields",
     )
+    level: Annotated[int, Field(ge=0, le=16)] | Literal["auto"] = Field(
+        default=0,
+        description="Level of the heights' mip maps, 2^level x 2^level texels averaged; auto: by size in the picture",
+    )
     mapping: Mapping = Field(default="relief", description="Meshes: what is mapped; others than relief are baselines")
     model: Literal["flat", "shell"] = Field(
         default="flat", description="Meshes: polygons keep their silhouettes, as published, or the relief carves them"

@@ -52,7 +52,8 @@ def draw(scene: Scene, camera: Camera, outputs: tuple[str, ...], options: Relief
     shaded = bool({"color", "alpha"} & set(outputs))
     color, alpha = (np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)) if shaded else (None, None)
     with limited_threads(options.threads):
-        for part in scene.parts:
+        for whole in scene.parts:
+            part = whole.level(whole.suited_level(camera) if options.level == "auto" else options.level)
             if isinstance(part, MeshPart):
                 part.draw(camera, options, depth, color, alpha)
             else:

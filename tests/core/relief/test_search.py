@@ -120,8 +120,8 @@ def test_tiles_of_rays_along_the_normal_take_fewer_steps(eye):
     plan, nodes = field.pyramid
     depth = np.full((camera.height, camera.width), np.inf, np.float32)
     pace, window = field.pace(camera, options), np.array([0, camera.width, 0, camera.height])
-    linear.search_linear(pairs(field.height), nodes, plan, field.grid, *rays_of(field, camera), 1.0, pace, window, depth,
-                         NOWHERE)  # fmt: skip
+    rays = rays_of(field, camera)
+    linear.search_linear(pairs(field.height), nodes, plan, field.grid, *rays, 1.0, pace, window, depth, NOWHERE)
     counts, pictures = set(), {}
     normal = source.frame.f
     for y, x in np.ndindex(3, 3):
