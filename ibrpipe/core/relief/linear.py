@@ -3,8 +3,8 @@
 The part of the ray inside the box is walked in equal steps, fewer where a tile of rays falls along the normal (as
 policarpo2005 does, sec. 5: in proportion to 1 - cos, here of the tile's most grazing corner); the first sample at or
 beyond the surface and its predecessor are halved, heights being bilinear. Sixty-four rays march together in loops
-without branches, and the samples that a tile of rays provably takes outside the surface (:mod:`ibrpipe.core.relief.beam`)
-are not fetched, so the picture is that of the plain search.
+without branches, and the samples that a tile of rays provably takes outside (:mod:`ibrpipe.core.relief.beam`) are not
+fetched, so the picture is that of the plain search.
 
 Symbols: A + s B position (u, v, d) on the clipped ray, s in [0, 1]; t = t0 + s (t1 - t0) camera depth; side = +1:
 outside is above the heights, -1: below; k sample number.
