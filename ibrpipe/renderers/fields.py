@@ -5,7 +5,7 @@ A field is a grid of cells with bilinear patches in homogeneous coordinates (see
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -33,12 +33,15 @@ class Pose:
     linear, origin, shift : (4, 3), (3,), (4,) float64
     perspective : bool
         Field depth is -1/z of a perspective frame, not the depth itself.
+    away : bool
+        Field depth has its sign turned, so that the surface is met from greater depth.
     """
 
     linear: Array
     origin: Array
     shift: Array
     perspective: bool
+    away: bool = False
 
     def field_from_pixel(self, camera: Camera) -> tuple[Array, Array]:
         """Rays in homogeneous field coordinates: at camera depth t, ``start + t * directions @ (px, py, 1)``.
@@ -58,9 +61,20 @@ class Pose:
         offset = project @ (self.origin - camera.center)
         if self.perspective:
             columns = project @ np.linalg.inv(self.linear[[0, 1, 3]])
-            return np.stack([columns[:, 0], columns[:, 1], -offset, columns[:, 2]], axis=1)
+            return np.stack([columns[:, 0], columns[:, 1], offset if self.away else -offset, columns[:, 2]], axis=1)
         columns = project @ np.linalg.inv(self.linear[:3])
         return np.concatenate([columns, (offset - columns @ self.shift[:3])[:, None]], axis=1)
+
+    def limited(self, low: float, high: float, pad: float) -> tuple[float, float]:
+        """Return a range of field depths padded on both sides; in a perspective frame it does not reach infinity, 0."""
+        if not self.perspective:
+            return low - pad, high + pad
+        return (max(low - pad, 0.5 * low), high + pad) if self.away else (low - pad, min(high + pad, 0.5 * high))
+
+    def turned(self) -> Pose:
+        """Return the pose whose field depth has the other sign."""
+        turn = np.array([1.0, 1.0, -1.0, 1.0])
+        return replace(self, linear=self.linear * turn[:, None], shift=self.shift * turn, away=not self.away)
 
     @property
     def slack(self) -> float:
@@ -74,7 +88,7 @@ class Pose:
         if len(depths) == 0:
             return 0.0
         if self.perspective:
-            return float(-1.0 / depths.max())
+            return float(1.0 / np.abs(depths).min())
         sides = np.linalg.norm(np.linalg.inv(self.linear[:3]), axis=0) * (columns, rows, np.ptp(depths))
         return float(sides.max())
 
@@ -166,8 +180,27 @@ def build_field(source: GridSource) -> Field:
     )
 
 
-def field_pose(frame: ParallelFrame | Camera, first: float) -> Pose:
+def faces_away(layers: LayeredDepthImage) -> bool:
+    """Whether a layered image of one sample a texel shows a surface that is seen from greater depth.
+
+    It does where most of its normals that are known point away from the image plane, as those of an object round the
+    centre of projection do (the globe of schaufler1999).
+    """
+    if np.diff(layers.offsets, axis=1).max(initial=0) > 1:
+        return False
+    if isinstance(layers.frame, ParallelFrame):
+        along = layers.normal @ layers.frame.f
+    else:
+        u, v = _texel_places(layers)
+        rays = layers.frame.pixel_rays(np.stack([u, v], axis=-1))
+        along = (layers.normal * rays).sum(axis=1)
+    return bool((along > 0).sum() > (along < 0).sum())
+
+
+def field_pose(frame: ParallelFrame | Camera, first: float, away: bool = False) -> Pose:
     """Texel coordinates (first, first) become cell coordinates (0, 0)."""
+    if away:
+        return field_pose(frame, first).turned()
     linear, shift = np.zeros((4, 3)), np.zeros(4)
     if isinstance(frame, Camera):
         linear[[0, 1, 3]] = frame.K @ frame.R
@@ -185,7 +218,7 @@ def texel_size(field: PatchField) -> float:
     if not field.pose.perspective:
         return float(np.linalg.norm(np.linalg.inv(field.pose.linear[:3])[:, 0]))
     width = float(np.linalg.norm(np.linalg.inv(field.pose.linear[[0, 1, 3]])[:, 0]))
-    return width * float(np.median(-1.0 / field.corners)) if len(field.corners) else width
+    return width * float(np.median(1.0 / np.abs(field.corners))) if len(field.corners) else width
 
 
 def _height_field(source: ReliefTexture) -> HeightField:
@@ -230,6 +263,9 @@ def _texel_places(layers: LayeredDepthImage) -> tuple[Array, Array]:
 
 def _patch_field(layers: LayeredDepthImage, gap: float) -> PatchField:
     depth, step, margin = _steps(layers)
+    away = faces_away(layers)
+    if away:
+        depth, step, margin = -depth, -step, margin * (1.0, -1.0)
     samples, cell = _patches(layers, depth, step, margin, gap)
     corners, masks = np.empty((len(samples), 4), np.float32), np.empty(len(samples), np.uint8)
     patches.fill_corners(samples, depth, step, corners, masks)
@@ -238,7 +274,7 @@ def _patch_field(layers: LayeredDepthImage, gap: float) -> PatchField:
     seen = np.ones(len(depth)) if layers.observers is None else layers.observers > 0
     filled = seen if layers.coverage is None else seen * layers.coverage
     color = np.column_stack([layers.color, filled]).astype(np.float32)
-    return PatchField(field_pose(layers.frame, -0.5), corners, masks, cells, samples, color)
+    return PatchField(field_pose(layers.frame, -0.5, away), corners, masks, cells, samples, color)
 
 
 def _patches(layers: LayeredDepthImage, depth: Array, step: Array, margin: Array, gap: float) -> tuple[Array, Array]:

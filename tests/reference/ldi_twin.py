@@ -128,15 +128,26 @@ def single_layers(frame, depth, color):
 
 
 def patches_of(source):
-    """(frame, patches, front only) of any source."""
+    """(frame, patches, side) of any source; side 1: seen from lesser depth, -1: from greater, 0: from both."""
     if isinstance(source, ReliefTexture) and min(source.height.shape) > 1:
-        return source.frame, patches_of_heights(source.height), False
+        return source.frame, patches_of_heights(source.height), 0
     if isinstance(source, ReliefTexture):
         layers = single_layers(source.frame, source.height, source.color)
-        return source.frame, patches_of_layers(layers, np.inf), True
+        return source.frame, patches_of_layers(layers, np.inf), 1
     if isinstance(source, DepthImage):
-        return source.camera, patches_of_layers(single_layers(source.camera, source.depth, source.color)), True
-    return source.frame, patches_of_layers(source), True
+        return source.camera, patches_of_layers(single_layers(source.camera, source.depth, source.color)), 1
+    return source.frame, patches_of_layers(source), side_of(source)
+
+
+def side_of(layers):
+    """-1 where most known normals point away from the image plane, else 1."""
+    away = 0
+    for row, column in np.ndindex(layers.shape):
+        for sample in range(layers.offsets[row, column], layers.offsets[row, column + 1]):
+            ray = layers.frame.f if hasattr(layers.frame, "f") else layers.frame.pixel_rays([column + 0.5, row + 0.5])
+            along = float(layers.normal[sample] @ ray)
+            away += int(along > 0) - int(along < 0)
+    return -1 if away > 0 and np.diff(layers.offsets, axis=1).max() < 2 else 1
 
 
 def cast(source, camera, slack):
@@ -182,5 +193,5 @@ def roots(P, Q, u0, v0, depths, present, front, slack):
                 if present[corner]:
                     left, top = 0.5 * (corner & 1), 0.5 * (corner >> 1)
                     inside |= (abs(u - left - 0.25) <= 0.25 + slack) & (abs(v - top - 0.25) <= 0.25 + slack)
-            rising = (2 * A * t + B > 0) | (not front)
+            rising = (front * (2 * A * t + B) > 0) | (front == 0)
             yield t, (square >= 0) & (t > 0) & (q > 0) & np.isfinite(t) & inside & rising

@@ -6,9 +6,9 @@ quadratic is written around the ray's point nearest to the cell, so that far eye
 
 Packed arguments: ``position`` and ``direction`` (x, y, n, q) of a ray at t = 0 and per t, in one cell's coordinates;
 ``corners`` (a, b, c, e) depths at (0, 0), (1, 0), (0, 1), (1, 1); ``rule`` (front, split, near, grain, perspective,
-slack): do only hits from the front count, are cells two triangles, least t, depth of one texel (a share of the depth in
-perspective frames), is the frame perspective, by how much borders are moved outward; ``surface`` (starts, ranges,
-corners, masks): first patch of every cell, least and greatest depth, corners (P, 4) and masks of every patch.
+slack): from which side hits count (0 = both), are cells two triangles, least t, depth of one texel (a share of the
+depth in perspective frames), is the frame perspective, by how much borders are moved outward; ``surface`` (starts,
+ranges, corners, masks): first patch of every cell, least and greatest depth, corners (P, 4) and masks of every patch.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def patch_root(position, direction, corners, mask, front, near, slack):
             continue
         s = C / below if which == 0 else root / below
         weight = w + s * dw
-        beyond = s > near and weight > 0.0 and s < best and (not front or 2.0 * A * s + B > 0.0)
+        beyond = s > near and weight > 0.0 and s < best and (front == 0 or front * (2.0 * A * s + B) > 0.0)
         if beyond and counts_at((x + s * dx) / weight, (y + s * dy) / weight, mask, slack):
             best = s
     return best

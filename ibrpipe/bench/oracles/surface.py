@@ -38,8 +38,8 @@ class Surface:
     samples : (P, 4) int64
         Row of `color` of every corner, -1 = none.
     color : (S, 3) float32
-    front : bool
-        Only hits from the side of the image plane count.
+    front : int
+        1: only hits from the side of the image plane count, -1: only those from the other side, 0: all.
     """
 
     frame: ParallelFrame | Camera
@@ -50,7 +50,7 @@ class Surface:
     masks: Array
     samples: Array
     color: Array
-    front: bool
+    front: int
 
     @cached_property
     def starts(self) -> Array:
@@ -145,11 +145,11 @@ def build_surface(source: GridSource, heights: Array | None = None) -> Surface:
         -0.5,
         (rows + 1, columns + 1),
         field.cells[order].astype(np.int64),
-        field.corners[order].astype(np.float64),
+        field.corners[order].astype(np.float64) * (-1.0 if field.pose.away else 1.0),
         field.masks[order],
         field.samples[order].astype(np.int64),
         np.ascontiguousarray(field.color[:, :3]),
-        True,
+        -1 if field.pose.away else 1,
     )
 
 
@@ -167,7 +167,7 @@ def height_surface(source: ReliefTexture, heights: Array) -> Surface:
     samples = np.stack([texel[row + (c >> 1), column + (c & 1)] for c in range(4)], axis=-1)
     masks = np.full(len(row), 15, np.uint8)
     cells, color = np.stack([column, row], axis=-1), source.color.reshape(-1, 3)
-    return Surface(source.frame, 0.5, (rows, columns), cells, corners[row, column], masks, samples, color, False)
+    return Surface(source.frame, 0.5, (rows, columns), cells, corners[row, column], masks, samples, color, 0)
 
 
 def first_layer(source: LayeredDepthImage) -> LayeredDepthImage:

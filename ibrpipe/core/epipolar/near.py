@@ -9,8 +9,9 @@ change per camera depth of d (parallel frames) or of z = -1/d (perspective ones)
 
 Symbols: P, Q of :mod:`ibrpipe.core.rays`; samples lie where u and v are whole numbers; NaN = background.
 
-Packed arguments of the sampled searches: ``raster`` (flat (rows * stride,) f32 samples, stride, steps (2,): greatest
-step within a surface, a constant and a share of the depth); ``view`` (start (4,), Q_of (4, 3), weight (4,): (u, v, d,
+Packed arguments of the sampled searches: ``raster`` (flat (rows * stride,) f32 samples, stride, steps (3,): greatest
+step within a surface, a constant and a share of the depth, and from which side it is seen: 1 = where rays pass to
+greater depth, -1 = to lesser, 0 = either); ``view`` (start (4,), Q_of (4, 3), weight (4,): (u, v, d,
 1) to camera depth (perspective: over own z), perspective).
 """
 
@@ -76,11 +77,11 @@ def cross_short(u, v, du, dv, first, last, linear, flat, rows, stride, steps):
         leave = max(min(min(leave_u, leave_v), 1.0), s)
         value = depth_in_texel(u + s * du, v + s * dv, i, j, linear, flat, rows, stride, steps)
         above = first + s * span - value
-        if above * over <= 0.0 and joined(value, before, steps):  # the step between two texels is met
+        if above * over <= 0.0 and (above - over) * steps[2] >= 0.0 and joined(value, before, steps):  # a step is met
             return first + s * span, i, j
         before = depth_in_texel(u + leave * du, v + leave * dv, i, j, linear, flat, rows, stride, steps)
         over = first + leave * span - before
-        if above * over <= 0.0:
+        if above * over <= 0.0 and (over - above) * steps[2] >= 0.0:
             near, far = s, leave
             for _ in range(BISECTION_STEPS):
                 s = 0.5 * (near + far)

@@ -101,6 +101,11 @@ def span_tiles(number, start, count, columns, there, edges, steps, work):
         low, high = min(enter, leave), max(enter, leave)
         if joined(here, there, steps):
             low, high = min(low, step), max(high, step)
+            enter = work[NEAR + k - 1] if k > 0 else step
+        if k + 1 < count and joined(here, work[FAR + k + 1], steps):
+            leave = work[NEAR + k + 1]
+        if (enter - leave) * steps[2] < 0.0:  # rays that pass to greater depth see samples sink from column to column
+            low, high = np.nan, np.nan
         work[LOW + k], work[HIGH + k] = low if inside else np.nan, high if inside else np.nan
         there = here if inside else np.nan
     return there
@@ -130,6 +135,8 @@ def sweep_samples_of_line(line, number, sectors, edges, flat, stride, linear, ga
             value = work[NEAR + k]
             if gaps:  # what lies between this sample and the one before it
                 low, high = value if value < before else before, value if value > before else before
+                if (before - value) * steps[2] < 0.0:
+                    low, high = np.nan, np.nan
                 before = value
             else:
                 low, high = value if value < low else low, value if value > high else high

@@ -125,7 +125,7 @@ def bound_boxes(block, count, field, corners, cells, pixels, perspective, sign, 
         boxes[Y1, k] = bottom if before else last_y
         # weights of a perspective frame are camera depth / own depth
         near = 0.25 * ((w0 + w1) + (w2 + w3))
-        boxes[NEAR, k] = near * (-4.0 / ((a + b) + (c + e))) if perspective else near
+        boxes[NEAR, k] = near * (4.0 / abs((a + b) + (c + e))) if perspective else near
         boxes[BEHIND, k] = 0.0 if before else 1.0
 
 

@@ -47,7 +47,7 @@ def pack_surface(layers: LayeredDepthImage, packer: Packer) -> dict[str, Any]:
         "rows": rows,
         "columns": columns,
         "texel": texel_size(field),
-        "world": world_from_field(field.pose).ravel().tolist(),
+        "world": world_from_field(field.pose.turned() if field.pose.away else field.pose).ravel().tolist(),
         "counts": packer.add(counts.astype(np.uint8)),
         "levels": packer.add(levels),
         "depth": foretold(codes),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numba
@@ -29,8 +30,9 @@ class Raster:
     color : (rows, columns, 3) float32
     gaps : bool
         There is background in it, or there are steps that are no surface.
-    steps : (2,) float64
-        Greatest step between neighbours of one surface: a constant and a share of the field depth.
+    steps : (3,) float64
+        Greatest step between neighbours of one surface: a constant and a share of the field depth; and from which side
+        it is seen: 1 = from lesser depth, -1 = from greater, 0 = from both.
     ends : (2,) float64
         Least and greatest field depth, a little apart.
     eye : float
@@ -45,23 +47,39 @@ class Raster:
     ends: Array
     eye: float
 
+    @cached_property
+    def slopes(self) -> tuple[Array, Array]:
+        """Change of the field depth per column and row, (rows, columns): mean over neighbours of the same surface."""
+        found = []
+        for axis in (1, 0):
+            one, other = (np.take(self.depth, part, axis) for part in (range(self.depth.shape[axis] - 1),
+                                                                       range(1, self.depth.shape[axis])))  # fmt: skip
+            most = self.steps[0] + self.steps[1] * np.maximum(np.abs(one), np.abs(other))
+            step = np.where(np.abs(other - one) <= most, other - one, np.nan)
+            edge = np.full_like(np.take(self.depth, [0], axis), np.nan)
+            both = np.stack([np.concatenate([edge, step], axis), np.concatenate([step, edge], axis)])
+            known = np.isfinite(both)
+            found.append(np.where(known, both, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+        return found[0], found[1]
+
 
 def build_raster(texture: Any, field: Field, eye: float) -> Raster:
     """Lay out the first layer of a texture in the coordinates of its field."""
     if isinstance(field, HeightField):
         ends = _ends(field.height, field.pose)
-        return Raster(field.pose, field.height, field.color, _holes(field), np.array([np.inf, 0.0]), ends, eye)
+        return Raster(field.pose, field.height, field.color, _holes(field), np.array([np.inf, 0.0, 0.0]), ends, eye)
     depth, color = _first_layer(texture)
-    steps = _steps(field.pose)
-    if field.pose.perspective:
+    pose = field.pose.turned() if field.pose.away else field.pose
+    steps = np.append(_steps(pose), -1.0 if field.pose.away else 1.0)
+    if pose.perspective:
         depth = (-1.0 / depth.astype(np.float64)).astype(np.float32)
     return Raster(
-        field.pose,
+        pose,
         np.pad(depth, 1, constant_values=np.nan),
         np.ascontiguousarray(np.pad(color, ((1, 1), (1, 1), (0, 0))), np.float32),
         True,
         steps,
-        _ends(depth, field.pose),
+        _ends(depth, pose),
         eye,
     )
 
@@ -73,7 +91,7 @@ def _ends(depth: Array, pose: Pose) -> Array:
         return np.zeros(2)
     low, high = float(some.min()), float(some.max())
     pad = 1e-6 * (high - low) + 1e-9 * max(abs(low), abs(high)) + pose.slack
-    return np.array([low - pad, min(high + pad, 0.5 * high) if pose.perspective else high + pad])
+    return np.array(pose.limited(low, high, pad))
 
 
 def _holes(field: HeightField) -> bool:

@@ -112,8 +112,8 @@ def patch_map(field: PatchField, base: int) -> Map | None:
     bounds.bound_patches(starts, near, far, grid[0], 1.0 / grid[1], meta, nodes)
     bounds.bound_above(nodes, meta)
     pad = max(1e-6 * (high - low), 1e-9 * max(abs(low), abs(high)), field.pose.slack)
-    above = min(high + pad, 0.5 * high) if field.pose.perspective else high + pad  # -1/z stays below 0
-    return Map(field, base, np.array([columns, rows, low - pad, above]), grid, nodes, meta, starts)
+    below, above = field.pose.limited(low, high, pad)
+    return Map(field, base, np.array([columns, rows, below, above]), grid, nodes, meta, starts)
 
 
 def _empty_bounds(rows: int, columns: int, low: float, high: float, slack: float) -> tuple[Array, Array, Array]:

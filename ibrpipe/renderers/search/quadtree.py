@@ -72,7 +72,7 @@ def _grid(near: float, far: float, pose: Pose) -> tuple[Array, float, float]:
     if not near <= far:
         return np.array([0.0, 1.0]), 1.0, 0.0
     pad = 1e-4 * (far - near) + 4.0 * float(np.spacing(np.float32(max(abs(near), abs(far))))) + pose.slack
-    low, high = near - pad, min(far + pad, 0.5 * far) if pose.perspective else far + pad
+    low, high = pose.limited(near, far, pad)
     return np.array([low, quadtree.STEPS / (high - low)]), low, high
 
 
