@@ -27,10 +27,10 @@ from ibrpipe.io.yaml_settings import value_of
 @click.option("--size", type=click.IntRange(2, 8192), default=512, show_default=True, help="Pixels along each side.")
 @click.option(
     "--arrange",
-    type=click.Choice(["greedy", "cube"]),
+    type=click.Choice(["greedy", "cube", "center"]),
     default="greedy",
     show_default=True,
-    help="greedy: what adds most surface, again and again; cube: six along the axes.",
+    help="greedy: what adds most surface, again and again; cube: six along the axes; center: six from the middle.",
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the candidates that greedy chooses from.")
 @click.option("--frusta", type=PATH, metavar="FILE", help="Take these frusta (YAML: eye, target, up, fov) instead.")
@@ -67,7 +67,8 @@ def command(
     if frusta is None and arrange == "greedy":
         chosen, share = placing.greedy_frusta(whole, maps, seed)
     else:
-        chosen = placing.frusta_from_entries(_read(frusta)) if frusta else placing.cube_frusta(whole)
+        usual = {"cube": placing.cube_frusta, "center": placing.central_frusta}.get(arrange, placing.cube_frusta)
+        chosen = placing.frusta_from_entries(_read(frusta)) if frusta else usual(whole)
         share = placing.covered_share(whole, chosen, seed)
     write_asset(depth_images_asset(whole, chosen, size, str(source), colors), out)
     placing.write_frusta(chosen, out / "frusta.yaml")

@@ -49,7 +49,8 @@ def _asset(layers: Sequence[LayeredDepthImage], names: Sequence[str], made_from:
 def _layers(caster: MeshCaster, painter: Painter, camera: Camera) -> LayeredDepthImage:
     hits, rays = caster.cast_camera(camera), camera.pixel_rays()
     normal = caster.flat_normals[np.maximum(hits.face, 0)]
-    there = (hits.face >= 0) & ((rays * normal).sum(axis=-1) < 0)
+    along = np.where(hits.face >= 0, (rays * normal).sum(axis=-1), 0.0)
+    there = along > 0 if (along > 0).sum() > (along < 0).sum() else along < 0  # from within, what is seen from outside
     color, depth = np.zeros((*there.shape, 3), np.float32), hits.t[there]
     right, down = (depth[:, None] * camera.world_from_pixel[:, k] for k in (0, 1))
     color[there] = painter.at(hits.face[there], hits.uv[there], rays[there], (right, down))

@@ -3,8 +3,8 @@
 Source: schaufler1999, sec. 6 and 7.1, where frusta are placed by hand. Here they are placed round the mesh like the
 faces of a cube (the paper's globe), or chosen greedily: of many candidates the one that adds most surface, again and
 again. Frusta can be written to a file, changed by hand, and read again; the plan stage takes them from the pipeline
-file. Departure: the paper's globe is displaced from its centre outward; these cameras stand outside and look in, so
-that they are pictures of what an eye outside sees.
+file. Departure: all but `central_frusta` stand outside and look in, so that they are pictures of what an eye outside
+sees; the paper's globe is displaced from its centre outward.
 """
 
 from __future__ import annotations
@@ -103,6 +103,19 @@ def cube_frusta(mesh: Mesh, distance: float = 2.5) -> tuple[Frustum, ...]:
     middle, radius = _sphere(mesh)
     directions = np.concatenate([np.eye(3), -np.eye(3)])
     return tuple(_outside(middle, radius, direction, distance) for direction in directions)
+
+
+def central_frusta(mesh: Mesh) -> tuple[Frustum, ...]:
+    """Return six frusta from the middle of the mesh outward, which meet at their borders (the globe of the paper).
+
+    They show what is met first from the middle, so the mesh should be met once from there, as a globe is.
+    """
+    middle, _ = _sphere(mesh)
+    found = []
+    for direction in np.concatenate([np.eye(3), -np.eye(3)]):
+        up = (0.0, 0.0, 1.0) if abs(direction[2]) < 0.9 else (0.0, 1.0, 0.0)
+        found.append(Frustum(eye=_vector(middle), target=_vector(middle + direction), up=up, fov=91.0))
+    return tuple(found)
 
 
 def greedy_frusta(mesh: Mesh, count: int, seed: int = 0) -> tuple[tuple[Frustum, ...], float]:
@@ -204,8 +217,16 @@ def _covered(caster: MeshCaster, frustum: Frustum, points: Array, normals: Array
     directions = points - camera.center
     length = np.linalg.norm(directions, axis=1)
     inside = (local[:, 2] > 0) & (x > 0) & (x < 2) & (y > 0) & (y < 2)
-    inside &= -(directions * normals).sum(axis=1) > FACING * length
+    facing = -(directions * normals).sum(axis=1)
+    inside &= (-facing if _is_within(caster, camera) else facing) > FACING * length
     seen = np.zeros(len(points), bool)
     if inside.any():
         seen[inside] = caster.cast(camera.center, directions[inside]).t > 1.0 - 1e-3
     return seen
+
+
+def _is_within(caster: MeshCaster, camera: Camera) -> bool:
+    """Whether most of what is met by a few rays of the view is met from inside the mesh."""
+    hits = caster.cast_camera(camera)
+    along = np.where(hits.face >= 0, (hits.normal * camera.pixel_rays()).sum(axis=-1), 0.0)
+    return bool((along > 0).sum() > (along < 0).sum())

@@ -18,6 +18,7 @@ from ibrpipe.io.surfaces.meshes import write_mesh
 from ibrpipe.modelling.depth_images import depth_images_asset
 from ibrpipe.modelling.frusta import (
     Frustum,
+    central_frusta,
     covered_share,
     cube_frusta,
     entries_from_frusta,
@@ -38,6 +39,31 @@ def test_six_depth_images_cover_a_globe():
             hit, got = np.isfinite(truth), np.isfinite(seen)
             assert (got & hit).sum() > 0.97 * hit.sum()
             assert np.median(np.abs(seen[got & hit] - truth[got & hit])) < 0.01
+
+
+def test_a_globe_displaced_from_its_centre_is_seen_from_outside():
+    mesh = globe(24)
+    asset = depth_images_asset(mesh, central_frusta(mesh), 96, "globe")
+    assert len(asset.textures) == 6
+    camera = Camera.look_at((3, 2, 1), (0, 0, 0), width=80, height=60)
+    truth = MeshCaster(mesh).cast_camera(camera).t
+    for renderer, options in (("epipolar", {}), ("ldi", {}), ("epipolar", {"search": "nearest"})):
+        seen = ibrpipe.render(asset, camera, renderer, **options).depth
+        both = np.isfinite(truth) & np.isfinite(seen)
+        assert both.sum() > 0.97 * np.isfinite(truth).sum()
+        assert np.quantile(np.abs(seen[both] - truth[both]), 0.95) < 0.1
+        assert np.median(np.abs(seen[both] - truth[both])) < 0.02
+
+
+def test_the_command_places_images_in_the_middle(tmp_path):
+    write_mesh(globe(12), tmp_path / "globe.ply")
+    words = ["depth-images", str(tmp_path / "globe.ply"), "--arrange", "center", "--size", "24", "--json"]
+    done = CliRunner().invoke(cli, [*words, "--out", str(tmp_path / "a")], catch_exceptions=False)
+    assert done.exit_code == 0
+    assert json.loads(done.stdout)["covered"] > 0.9
+    asset = ibrpipe.read_asset(tmp_path / "a")
+    np.testing.assert_allclose(asset.textures[0].layers.frame.center, 0.0, atol=0.1)
+    assert len(asset.textures[0].layers.depth) > 0.95 * 24 * 24
 
 
 def test_epipolar_and_ldi_see_the_same_asset():
