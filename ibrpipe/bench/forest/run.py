@@ -20,9 +20,9 @@ from ibrpipe.engine.machine import describe_machine
 from ibrpipe.errors import RendererError, ResourceError
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import Prepared, prepare, render
+from ibrpipe.renderers.hierarchical.coverage import make_slices
 from ibrpipe.renderers.hierarchical.nodes import scene_nodes
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing
-from ibrpipe.renderers.hierarchical.prerendering import make_slices
 from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
 from ibrpipe.types import Array, Camera, Scene
 from ibrpipe.types.prerendered import Prerendered, PrerenderedScene

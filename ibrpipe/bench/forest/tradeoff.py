@@ -13,9 +13,9 @@ from ibrpipe.bench.forest.results import TradeoffRow
 from ibrpipe.bench.forest.run import TRUTH, our_shot, peer_shot, psnr
 from ibrpipe.progress import track
 from ibrpipe.renderers.api import prepare, render
+from ibrpipe.renderers.hierarchical.coverage import make_slices
 from ibrpipe.renderers.hierarchical.nodes import scene_nodes
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing
-from ibrpipe.renderers.hierarchical.prerendering import make_slices
 from ibrpipe.synthetic.instanced.forest import forest, forest_cameras
 from ibrpipe.types import Array, Camera, Scene
 from ibrpipe.types.prerendered import PrerenderedScene

@@ -1,9 +1,11 @@
-"""Whether the slabs of a part should overlap: both are drawn in test directions and compared with its polygons."""
+"""Slices of a scene, their slabs overlapping where they would leak: told by pictures in test directions."""
 
 from __future__ import annotations
 
 import math
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from time import perf_counter
 
 import numpy as np
 from scipy import ndimage
@@ -26,6 +28,15 @@ OVERLAP = 2.0
 _LEAK, _SHARE = 0.001, 0.7
 #: share of what is covered that must lie inside: leaves would be counted twice
 _SOLID = 0.2
+
+
+def make_slices(nodes: Nodes, slicing: Slicing, pool: Executor | None = None) -> Prerendered:
+    """The slices of nodes whose slabs overlap where they would leak; `pool` takes the parts one by one."""
+    began = perf_counter()
+    choice = choose_coverage(nodes, slicing)
+    library = prerender_nodes(nodes, slicing, choice.overlaps, pool=pool)
+    leaks = {name: (leak, choice.leaks[name][1]) for name, leak in measure_leaks(nodes, library).items()}
+    return replace(library, info={"seconds": perf_counter() - began, "leaks": leaks})
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ import numpy as np
 
 from ibrpipe.errors import RendererError
 from ibrpipe.renderers.hierarchical.captured import CapturedThing, captured_things
+from ibrpipe.renderers.hierarchical.coverage import make_slices
 from ibrpipe.renderers.hierarchical.guide import Guide, build_guide, changed_part
 from ibrpipe.renderers.hierarchical.nodes import Nodes, scene_nodes
 from ibrpipe.renderers.hierarchical.orthogonal_views import RESOLUTION, orthogonal_views
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing, is_composed
-from ibrpipe.renderers.hierarchical.prerendering import make_slices
 from ibrpipe.renderers.hierarchical.shaded import ShadedSlices
 from ibrpipe.renderers.hierarchical.shadows import ShadowMaps
 from ibrpipe.types import Lighting, Scene

@@ -11,6 +11,7 @@ import numpy as np
 
 from ibrpipe.core.color import srgb_encode
 from ibrpipe.core.psnr import psnr
+from ibrpipe.renderers.hierarchical.coverage import make_slices
 from ibrpipe.renderers.hierarchical.data import HierarchicalData
 from ibrpipe.renderers.hierarchical.guide import build_guide
 from ibrpipe.renderers.hierarchical.nodes import scene_nodes
@@ -18,7 +19,6 @@ from ibrpipe.renderers.hierarchical.options import HierarchicalOptions, Mode
 from ibrpipe.renderers.hierarchical.orthogonal_views import RESOLUTION, orthogonal_views
 from ibrpipe.renderers.hierarchical.picture import Shading, draw_picture
 from ibrpipe.renderers.hierarchical.prefiltering import Slicing, is_composed
-from ibrpipe.renderers.hierarchical.prerendering import make_slices
 from ibrpipe.types import Array, Camera, Light, Lighting, Scene
 from ibrpipe.types.prerendered import PrerenderedScene, view_axes
 

@@ -177,9 +177,7 @@ def test_without_the_peer_a_forest_of_too_many_polygons_has_times_alone(without_
 
 def test_the_command_writes_its_figures(tmp_path, monkeypatch):
     made, make_slices = [], run.make_slices
-    monkeypatch.setattr(
-        run, "make_slices", lambda nodes, slicing: made.append(slicing) or make_slices(nodes, slicing)
-    )
+    monkeypatch.setattr(run, "make_slices", lambda nodes, slicing: made.append(slicing) or make_slices(nodes, slicing))
     file = tmp_path / "made" / "forest.json"
     result = CliRunner().invoke(
         cli,
