@@ -117,7 +117,8 @@ def mesh_map(mesh: Path, moved: Path | None, path: str, repeats: int, out: Path,
         raise click.UsageError("give --light or --sun, not both")
     light = given.pop("light") or ((*given["sun"], 0.0) if given["sun"] else None)
     given.pop("sun")
-    look = {name: given.pop(name) for name in _LOOK}
+    asked = {name: given.pop(name) for name in _LOOK}
+    look = {name: value for name, value in asked.items() if value is not None}
     checked_options(ReliefRenderer, {"light": light, **look})  # before anything is read
     sources = read_relief_meshes(mesh, **given)
     moves = read_moved(moved) if moved else []
