@@ -20,6 +20,8 @@ from ibrpipe.types import Array, Camera
 COS_MIN = 0.05
 #: how far a photo's depth map may differ from a point's depth, in pixel footprints on the surface
 DEPTH_SLACK = 2.0
+#: photos that a point asks (gong-yang, sec. 4.2)
+BLENDED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +72,10 @@ class PhotoSet:
             self.mask,
         )
 
-    def blend(self, points: Array, normals: Array, directions: Array) -> tuple[Array, Array]:
-        """Colour surface points as seen from `directions` by the best four photos (gong-yang, sec. 4.2).
+    def blend(
+        self, points: Array, normals: Array, directions: Array, most: int = BLENDED
+    ) -> tuple[Array, Array]:
+        """Colour surface points as seen from `directions` by the best four photos (gong-yang, sec. 4.2), or so many.
 
         Parameters
         ----------
@@ -82,17 +86,19 @@ class PhotoSet:
         Returns
         -------
         color : (N, 3) float32, linear; NaN where no photo sees the point
-        count : (N,) int32, photos used, 0 to 4
+        count : (N,) int32, photos used, 0 to `most`
         """
-        code, count = self.blend_codes(points, normals, directions)
+        code, count = self.blend_codes(points, normals, directions, most)
         return srgb_decode(code), count
 
-    def blend_codes(self, points: Array, normals: Array, directions: Array) -> tuple[Array, Array]:
+    def blend_codes(
+        self, points: Array, normals: Array, directions: Array, most: int = BLENDED
+    ) -> tuple[Array, Array]:
         """Do as `blend`, but leave the colour (N, 3) in display code: for `code` that is signed, such as errors."""
         code, count = np.empty((len(points), 3), np.float32), np.empty(len(points), np.int32)
         points, normals = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(normals, np.float32)
         directions = np.ascontiguousarray(directions, np.float64)
-        blend_photos(points, normals, directions, self._arrays, COS_MIN, DEPTH_SLACK, code, count)
+        blend_photos(points, normals, directions, self._arrays, most, COS_MIN, DEPTH_SLACK, code, count)
         return code, count
 
     def diffuse(self, points: Array, normals: Array, bins: int = 128, statistic: int = 0) -> tuple[Array, Array, Array]:

@@ -52,6 +52,10 @@ class ViewDependence(Protocol):
         """Return the component of layers of which only the samples `kept`, (S,) bool, are left."""
         return self
 
+    def predicting(self) -> ViewDependence:
+        """Return the component as it shows views that it was not given: a photo that is kept does not show itself."""
+        return self
+
 
 def check_components(components: Sequence[ViewDependence]) -> tuple[ViewDependence, ...]:
     """Return the components as a tuple.

@@ -107,9 +107,12 @@ def fetch(color, corners, row):
 def blend_weights(dots, count, weights):
     """Fill `weights` for `count` dot products in descending order: dot_i - dot_4, normalised (gong-yang, sec. 4.2).
 
-    With fewer than four photos the threshold lies half the spread below the last, so that it still counts.
+    Four are as many as there is room for in dots. With fewer photos the threshold lies half the spread below the last,
+    so that it still counts.
     """
-    low = dots[3] if count >= 4 else dots[count - 1] - 0.5 * (dots[0] - dots[count - 1]) - 1e-9
+    low = dots[count - 1]
+    if count < len(dots):
+        low -= 0.5 * (dots[0] - dots[count - 1]) + 1e-9
     total = 0.0
     for i in range(count):
         weights[i] = max(dots[i] - low, 0.0)
@@ -120,9 +123,9 @@ def blend_weights(dots, count, weights):
 
 @helper
 def best_photos(point, normal, direction, views, cos_min, slack, dots, chosen, corners, best):
-    """Find the (at most four) photos that see the point from nearest to direction d. Return how many.
+    """Find the (at most N) photos that see the point from nearest to direction d. Return how many.
 
-    dots (P,) f64 is scratch; chosen (4,) i64, corners (4, 4, 2) f64 and best (4,) f64 are filled.
+    dots (P,) f64 is scratch; chosen (N,) i64, corners (N, 4, 2) f64 and best (N,) f64 are filled.
     """
     (px, py, pz), (dx, dy, dz), centers = point, direction, views[1]
     count = len(centers)
@@ -138,23 +141,35 @@ def best_photos(point, normal, direction, views, cos_min, slack, dots, chosen, c
         if quality != HIDDEN:
             chosen[found], best[found] = top, value
             found += 1
-            if found == 4:
+            if found == len(chosen):
                 break
     return found
 
 
+@helper
+def mix(color, corners, weights, count):
+    """Return the mean of what `count` photos show, by their weights."""
+    red, green, blue = 0.0, 0.0, 0.0
+    for j in range(count):
+        r, g, b = fetch(color, corners, j)
+        red += weights[j] * r
+        green += weights[j] * g
+        blue += weights[j] * b
+    return red, green, blue
+
+
 @kernel
-def blend_photos(points, normals, directions, photos, cos_min, slack, out_color, out_count):
-    """Colour every point as seen from its direction, from the best four photos (gong-yang, sec. 4.2)."""
+def blend_photos(points, normals, directions, photos, most, cos_min, slack, out_color, out_count):
+    """Colour every point as seen from its direction, from the best photos (gong-yang, sec. 4.2: the best four)."""
     # points, directions (N, 3) f64, directions unit and toward the viewer; normals (N, 3) f32 unit
-    # photos: see above; cos_min, slack f64
+    # photos: see above; most i64, photos of a point; cos_min, slack f64
     # out_color (N, 3) f32 display code, NaN where no photo sees the point; out_count (N,) i32 photos used
     projection, centers, sizes, starts, color, depth, mask = photos
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
         views = projection, centers, sizes, starts, depth, mask
         dots = np.empty(len(centers))
-        chosen, corners, best = np.empty(4, np.int64), np.empty((4, 4, 2)), np.empty(4)
-        weights = np.empty(4)
+        chosen, corners, best = np.empty(most, np.int64), np.empty((most, 4, 2)), np.empty(most)
+        weights = np.empty(most)
         for i in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
             point, normal = (points[i, 0], points[i, 1], points[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
             direction = directions[i, 0], directions[i, 1], directions[i, 2]
@@ -164,10 +179,4 @@ def blend_photos(points, normals, directions, photos, cos_min, slack, out_color,
                 out_color[i] = np.nan
                 continue
             blend_weights(best, found, weights)
-            red, green, blue = 0.0, 0.0, 0.0
-            for j in range(found):
-                r, g, b = fetch(color, corners, j)
-                red += weights[j] * r
-                green += weights[j] * g
-                blue += weights[j] * b
-            out_color[i, 0], out_color[i, 1], out_color[i, 2] = red, green, blue
+            out_color[i, 0], out_color[i, 1], out_color[i, 2] = mix(color, corners, weights, found)
