@@ -72,9 +72,7 @@ class PhotoSet:
             self.mask,
         )
 
-    def blend(
-        self, points: Array, normals: Array, directions: Array, most: int = BLENDED
-    ) -> tuple[Array, Array]:
+    def blend(self, points: Array, normals: Array, directions: Array, most: int = BLENDED) -> tuple[Array, Array]:
         """Colour surface points as seen from `directions` by the best four photos (gong-yang, sec. 4.2), or so many.
 
         Parameters
@@ -91,9 +89,7 @@ class PhotoSet:
         code, count = self.blend_codes(points, normals, directions, most)
         return srgb_decode(code), count
 
-    def blend_codes(
-        self, points: Array, normals: Array, directions: Array, most: int = BLENDED
-    ) -> tuple[Array, Array]:
+    def blend_codes(self, points: Array, normals: Array, directions: Array, most: int = BLENDED) -> tuple[Array, Array]:
         """Do as `blend`, but leave the colour (N, 3) in display code: for `code` that is signed, such as errors."""
         code, count = np.empty((len(points), 3), np.float32), np.empty(len(points), np.int32)
         points, normals = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(normals, np.float32)

@@ -25,7 +25,7 @@ class PhotoFit:
     """
 
     def __init__(self, views: Sequence[View], asset: Asset) -> None:
-        self.views, prepared = list(views), prepare(asset, "ldi")
+        self.views, prepared = list(views), prepare(asset.predicting(), "ldi")
         self._codes = []
         for view in self.views:
             color, mask = load_view(view)
@@ -40,9 +40,9 @@ class PhotoFit:
     def each(self, asset: Asset, every: int = 1) -> list[float | None]:
         """Return the PSNR of every so manieth photo, dB; None = it shows nothing.
 
-        Rendered by `ldi`, with view dependence.
+        Rendered by `ldi`, with view dependence; a photo that the asset keeps does not show itself.
         """
-        prepared = prepare(asset, "ldi")
+        prepared = prepare(asset.predicting(), "ldi")
         return [
             psnr(codes, to_srgb8(np.asarray(render(prepared, view.camera).color)), mask)
             for view, (codes, mask) in zip(self.views[::every], self._codes[::every], strict=True)

@@ -91,7 +91,7 @@ def texture_errors(asset: Asset, views: ViewSet, observers: Sequence[Array | Non
 def _measured(asset: Asset, views: Sequence[View], tiling: Tiling) -> Array:
     """(tiles, 4): pixels, sum of mean squares of colour, pixels with true depth, sum of squares of depth."""
     sums = np.zeros((int(tiling.firsts[-1]), 4))
-    prepared = prepare(asset, "ldi")
+    prepared = prepare(asset.predicting(), "ldi")
     for view in views:
         truth, frame = load_truth(view), render(prepared, view.camera, outputs=("color", "depth"))
         depth = np.asarray(frame.depth)

@@ -111,6 +111,20 @@ class SampleFiles(ComponentFiles, Protocol):
         """Read what `write_on` or `write` wrote."""
 
 
+@runtime_checkable
+class SharedFiles(ComponentFiles, Protocol):
+    """How a kind is stored whose bytes lie in what its components share: that is coded anew as a whole."""
+
+    def recode_shared(self, shared: Any, folder: Path, quality: int, speed: int) -> Mapping[str, Any]:
+        """Write what all components share as `write_shared` does.
+
+        Parameters
+        ----------
+        speed : int
+            As `ibrpipe.io.layer_pictures.avif.encode_avif` takes it.
+        """
+
+
 @dataclass(frozen=True)
 class ComponentKind:
     """A kind of view dependence.
@@ -198,6 +212,16 @@ register(
         files="ibrpipe.io.reflection:ReflectionFiles",
         drawing="ibrpipe.renderers.view_dependence.reflection:ReflectionDrawer",
         fitting="ibrpipe.modelling.view_dependence.reflection.fitter:ReflectionFitter",
+    )
+)
+
+register(
+    ComponentKind(
+        name="photos",
+        summary="Photos that are kept and blended anew for every view (buehler2001).",
+        files="ibrpipe.io.kept_photos:PhotosFiles",
+        drawing="ibrpipe.renderers.view_dependence.photos:PhotosDrawer",
+        fitting="ibrpipe.modelling.view_dependence.photos_fitter:PhotosFitter",
     )
 )
 

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from ibrpipe.core.color import srgb_encode
-from ibrpipe.errors import MissingFileError
+from ibrpipe.errors import ConfigError, MissingFileError
 from ibrpipe.io.assets import AssetIndex, TextureEntry, schema_of, write_coded, write_component, write_index
-from ibrpipe.io.components import Component, ComponentFiles, SampleFiles, find_kind
+from ibrpipe.io.components import Component, ComponentFiles, SampleFiles, SharedFiles, find_kind
 from ibrpipe.io.documents.texture_errors import TextureErrors
 from ibrpipe.io.layer_pictures import Coding
-from ibrpipe.io.layer_pictures.avif import THOROUGH
+from ibrpipe.io.layer_pictures.avif import QUICK, THOROUGH
 from ibrpipe.types import Asset, LayeredDepthImage, ViewDependence
+from ibrpipe.types.view_dependence import SharedData
 
 
 def recode(
@@ -61,9 +62,37 @@ def recode(
 
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         entries = list(pool.map(texture, range(len(index.textures))))
-    for shared in index.shared:
-        _copy(source, shared, out)
-    return index.model_copy(update={"textures": entries, "schema_version": schema_of(entries)})
+    shared = [_shared(source, told, asset, out, quality_of(told.kind), speed) for told in index.shared]
+    return index.model_copy(update={"textures": entries, "shared": shared, "schema_version": schema_of(entries)})
+
+
+def _shared(source: Path, told: Component, asset: Asset, out: Path, quality: int | None, speed: int) -> Component:
+    """Write what components share at a quality if their kind can and that saves bytes."""
+    data, files = asset.shared.get(told.kind), shared_files(told.kind)
+    if quality is not None and files is not None and data is not None:
+        fresh = Component(kind=told.kind, **files.recode_shared(data, out, quality, speed))
+        if _bytes(out, fresh) < _bytes(source, told):
+            return fresh
+        for path in fresh.paths:
+            (out / path).unlink()
+    _copy(source, told, out)
+    return told
+
+
+def shared_files(kind: str) -> SharedFiles | None:
+    """Return how a kind's shared data is coded anew; None = it is kept as it is."""
+    files = find_kind(kind).part("files", ComponentFiles)
+    return files if isinstance(files, SharedFiles) else None
+
+
+def shared_through_files(data: SharedData, kind: str, folder: Path, quality: int) -> tuple[SharedData, int]:
+    """Return what components share as it comes back from the (new) `folder` at a quality, and its bytes."""
+    folder.mkdir(parents=True)
+    files = shared_files(kind)
+    if files is None:
+        raise ConfigError(f"what view dependence of kind {kind!r} shares cannot be coded anew")
+    fresh = Component(kind=kind, **files.recode_shared(data, folder, quality, QUICK))
+    return files.read_shared(fresh, folder), _bytes(folder, fresh)
 
 
 def _recoded(

@@ -25,7 +25,7 @@ from ibrpipe.modelling.appearance import (
     sampling_density,
 )
 from ibrpipe.modelling.frusta import Frustum, covered_share, cube_frusta, greedy_frusta
-from ibrpipe.modelling.ladder import Prices, climb
+from ibrpipe.modelling.ladder import PER_PIXEL, Directions, Prices, climb, untried, without_spirals
 from ibrpipe.modelling.plan_file import TexturePlan, Told, reason
 from ibrpipe.modelling.rectangles import (
     Rectangle,
@@ -40,7 +40,9 @@ from ibrpipe.modelling.rims import BAND, look_closely, meet_fronts
 from ibrpipe.modelling.sides import TwoSided
 from ibrpipe.modelling.trial import try_out
 from ibrpipe.modelling.view_dependence.fitter import Fitter
+from ibrpipe.modelling.view_dependence.photos_fitter import bytes_of_photos
 from ibrpipe.modelling.view_dependence.spiral_plan import SPIRAL, SpiralPlan
+from ibrpipe.types import PhotoBlend
 
 #: share of the photos' pixels at edges from which on rims have coverage (vase, demo and wall: 0.03 to 0.06, photos of
 #: 96 x 72 pixels 0.23; the plant 0.36)
@@ -105,6 +107,11 @@ class PlanConfig(StageConfig):
         3.0,
         ge=0,
         description="Error of diffuse colour, in 8-bit codes, that such a misplacement must leave unexplained",
+    )
+    directions: Literal["auto", "spiral", "photos"] = Field(
+        "auto",
+        description="What holds images per direction: images on spiral directions, or the photos themselves; auto: "
+        "whichever is worth its bytes, spirals where residuals is always",
     )
     k: float | None = Field(None, gt=0, le=0.5, description="Spiral density; absent = from the angle between photos")
     residual_scale: float = Field(
@@ -309,12 +316,18 @@ def make_plan(
         reasons += [why_layers, why_residuals]
         spiral = (SpiralPlan(k=k, residual_scale=config.residual_scale),) if residuals else ()
         plans.append(TexturePlan(rectangle, config.max_angle, layers, (*spiral, *config.components), coverage))
+    if PhotoBlend.kind in (each.kind for each in config.components):
+        return without_spirals(plans), reasons
+    always = config.residuals == "always" and config.directions == "auto"
+    directions = Directions("spiral" if always else config.directions, bytes_of_photos(photos, PER_PIXEL))
     if config.reflection == "never" or config.residuals != "auto" or config.components:
-        return plans, reasons
+        return untried(plans, directions), reasons
     trial = try_out(plans, caster, photos, seed, 2 if any(plan.components for plan in plans) else 0)
     if trial is None or not trial.pixels.any():
         why = "too few photos, or too little that they show in common, to leave some out"
-        return plans, [*reasons, reason("rungs", "not tried", why, photos=len(photos.cameras))]
+        reasons.append(reason("rungs", "not tried", why, photos=len(photos.cameras)))
+        return untried(plans, directions), reasons
     prices = Prices(config.min_gain_asset, config.min_gain_mb)
-    components, rungs = climb(trial, plans, photo_spacing(photos, caster.mesh.vertices.mean(axis=0)), prices)
+    spacing = photo_spacing(photos, caster.mesh.vertices.mean(axis=0))
+    components, rungs = climb(trial, plans, spacing, prices, directions)
     return [replace(plan, components=each) for plan, each in zip(plans, components, strict=True)], reasons + rungs

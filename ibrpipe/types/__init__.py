@@ -9,6 +9,7 @@ from ibrpipe.types.arrays import Array
 from ibrpipe.types.asset import Asset
 from ibrpipe.types.camera import Camera, ParallelFrame
 from ibrpipe.types.frame import Frame
+from ibrpipe.types.kept_photos import KeptPhoto, KeptPhotos, PhotoBlend
 from ibrpipe.types.lighting import Light, Lighting
 from ibrpipe.types.mesh import Mesh
 from ibrpipe.types.parts import Instances, PaintedMesh, Part
@@ -25,6 +26,8 @@ __all__ = [
     "DepthImage",
     "Frame",
     "Instances",
+    "KeptPhoto",
+    "KeptPhotos",
     "LayeredDepthImage",
     "Light",
     "Lighting",
@@ -32,6 +35,7 @@ __all__ = [
     "PaintedMesh",
     "ParallelFrame",
     "Part",
+    "PhotoBlend",
     "ReflectedLight",
     "Reflection",
     "ReliefTexture",

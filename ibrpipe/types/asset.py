@@ -52,6 +52,13 @@ class Asset:
         """Kinds of view dependence that some texture has, in the order in which they are met."""
         return tuple(dict.fromkeys(part.kind for texture in self.textures for part in texture.components))
 
+    def predicting(self) -> Asset:
+        """Return the asset as it shows views that it was not given; see `ViewDependence.predicting`."""
+        return Asset(
+            tuple(Texture(each.layers, tuple(part.predicting() for part in each.components)) for each in self.textures),
+            self.info,
+        )
+
     @property
     def shared(self) -> dict[str, SharedData]:
         """What the components of a kind share among all textures, by kind.

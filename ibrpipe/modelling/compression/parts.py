@@ -12,11 +12,13 @@ import numpy as np
 
 from ibrpipe.engine.executor import cores
 from ibrpipe.io.assets import AssetIndex, component_bytes
+from ibrpipe.io.components import Component, ComponentFiles, find_kind
 from ibrpipe.io.layer_pictures.partly import coded_partly
-from ibrpipe.io.recoding import holds_own, through_files
+from ibrpipe.io.recoding import holds_own, shared_files, shared_through_files, through_files
 from ibrpipe.modelling.compression.steps import ANCHORS, FACTORS, LADDERS, CodingStep, Level, step_of
 from ibrpipe.modelling.compression.tradeoff import Curve, filled
 from ibrpipe.types import Asset, Reflection, Texture, ViewDependence
+from ibrpipe.types.view_dependence import SharedData
 
 #: mean square, of colours from 0 to 1, that a level adds at least: what seems to mend something is chance, and tells
 #: nothing of coarser levels
@@ -80,21 +82,42 @@ class Parts:
             for told in entry.components
             if (told.kind == Reflection.kind) == (name == "weights")
         ]
+        own += [told for told in self._index.shared if name == "components" and shared_files(told.kind) is not None]
         return float(sum(component_bytes(told, self._source) for told in own))
 
     def coded(self, step: CodingStep) -> tuple[Asset, int]:
         """Return the asset as it comes back where only what the step names is coded, and the bytes of that."""
         with ThreadPoolExecutor(cores()) as pool, TemporaryDirectory(prefix="ibrpipe-") as folder:
-            numbers = range(len(self._asset.textures))
-            done = list(pool.map(lambda number: self._texture(number, step, Path(folder) / str(number)), numbers))
-        return Asset(tuple(texture for texture, _ in done), self._asset.info), sum(size for _, size in done)
+            numbers, shared = range(len(self._asset.textures)), self._shared(step, Path(folder) / "shared")
+            done = list(
+                pool.map(lambda number: self._texture(number, step, Path(folder) / str(number), shared), numbers)
+            )
+        size = sum(size for _, size in done) + sum(size for _, size in shared.values())
+        return Asset(tuple(texture for texture, _ in done), self._asset.info), size
 
-    def _texture(self, number: int, step: CodingStep, folder: Path) -> tuple[Texture, int]:
+    def _shared(self, step: CodingStep, folder: Path) -> dict[str, tuple[SharedData, int]]:
+        """What components share, by kind, and its bytes, where the step codes it anew with fewer."""
+        found = {}
+        for told in self._index.shared:
+            quality, before = step.quality_of(told.kind), component_bytes(told, self._source)
+            if quality is None or shared_files(told.kind) is None:
+                continue
+            data = self._asset.shared[told.kind]
+            fresh, size = shared_through_files(data, told.kind, folder / told.kind, quality)
+            found[told.kind] = (fresh, size) if size < before else (data, before)
+        return found
+
+    def _texture(
+        self, number: int, step: CodingStep, folder: Path, shared: Mapping[str, tuple[SharedData, int]]
+    ) -> tuple[Texture, int]:
         texture, entry = self._asset.textures[number], self._index.textures[number]
         layers, size = coded_partly(texture.layers, step.layers)
         components: list[ViewDependence] = []
         for told, part in zip(entry.components, texture.components, strict=True):
             quality, before = step.quality_of(part.kind), component_bytes(told, self._source)
+            if part.kind in shared:
+                components.append(_of_shared(told, shared[part.kind][0], self._source))
+                continue
             if quality is None or not holds_own(part):
                 components.append(part)
                 continue
@@ -102,6 +125,12 @@ class Parts:
             components.append(fresh if own < before else part)
             size += min(own, before)
         return Texture(layers, tuple(components)), size
+
+
+def _of_shared(told: Component, shared: SharedData, folder: Path) -> ViewDependence:
+    """Return a component that its entry tells of, on other shared data."""
+    files: ComponentFiles = find_kind(told.kind).part("files", ComponentFiles)
+    return files.read(told, folder, shared)
 
 
 def square(psnr: float | None) -> float:
