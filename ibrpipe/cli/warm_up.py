@@ -51,6 +51,7 @@ def _jobs() -> Mapping[str, Job]:
     from ibrpipe.synthetic.small_asset import asset, relief_texture
 
     jobs: dict[str, Job] = {"asset that mirrors": _drawn_asset, "asset with residuals": partial(_draw, asset("spiral"))}
+    jobs["asset that keeps photos"] = partial(_draw, asset("photos"))
     jobs["asset, edges smooth"] = partial(_draw, asset(), samples="adaptive")
     for renderer in ("ldi", "prewarp", "relief", "epipolar", "splat"):
         jobs[f"relief texture by {renderer}"] = partial(_draw, relief_texture(), renderer=renderer)

@@ -143,8 +143,11 @@ def read_photos(path: Path) -> KeptPhotos:
             shape = (camera.height, camera.width)
             return KeptPhoto(camera, read_one(pictures[number], (*shape, 3)), _shown(masks[number], shape))
 
-        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            photos = tuple(pool.map(photo, range(len(cameras))))
+        try:
+            with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+                photos = tuple(pool.map(photo, range(len(cameras))))
+        except FormatError as error:
+            raise ValueError(error) from error
         return KeptPhotos(photos, header["top"], header["blended"])
 
 
@@ -205,7 +208,5 @@ def _from_png(data: bytes, shape: tuple[int, ...]) -> Array:
 
     image = Image.open(io.BytesIO(data), formats=("PNG",))
     if image.size != (shape[1], shape[0]) or image.mode != "RGB":
-        raise ValueError(
-            f"a picture is {image.mode} {image.width} x {image.height}, RGB {shape[1]} x {shape[0]} is due"
-        )
+        raise ValueError(f"a picture is {image.mode} {image.size}, not RGB {(shape[1], shape[0])}")
     return np.asarray(image)

@@ -8,8 +8,12 @@ from ibrpipe.core.spiral import directions
 from ibrpipe.types import (
     Array,
     Asset,
+    Camera,
+    KeptPhoto,
+    KeptPhotos,
     LayeredDepthImage,
     ParallelFrame,
+    PhotoBlend,
     ReflectedLight,
     Reflection,
     ReliefTexture,
@@ -36,12 +40,12 @@ def relief_texture() -> ReliefTexture:
 
 
 def asset(*kinds: str) -> Asset:
-    """Return the plate as layers, with view dependence of some kinds among "reflection" and "spiral"."""
+    """Return the plate as layers, with view dependence of some kinds among "reflection", "spiral" and "photos"."""
     depth = bumps().ravel()
     colors, normals = np.full((len(depth), 3), 0.5), np.tile([0.0, 0.0, -1.0], (len(depth), 1))
     offsets = offsets_of(np.ones((CELLS, CELLS), int))
     layers = LayeredDepthImage(_FRAME, offsets, depth, colors, normals, np.ones(len(depth), np.int32))
-    made = {"reflection": _reflection, "spiral": _spiral}
+    made = {"reflection": _reflection, "spiral": _spiral, "photos": _photos}
     return Asset((Texture(layers, tuple(made[kind](len(depth)) for kind in kinds)),))
 
 
@@ -58,3 +62,13 @@ def _spiral(_: int) -> ViewDependence:
     texels, valid = np.full((starts[-1], 3), 60, np.uint8), np.ones(starts[-1], bool)
     seen = directions.directions(alphas, k)
     return SpiralResiduals(rectangle, k, alphas, seen, sizes, starts, texels, valid, 60)
+
+
+def _photos(_: int) -> ViewDependence:
+    middle = CELLS / 2
+    photos = []
+    for number, x in enumerate((-CELLS / 4, middle, 1.25 * CELLS)):
+        camera = Camera.look_at((x, middle, -2.0 * CELLS), (middle, middle, 1.0), width=24, height=20)
+        codes = np.full((20, 24, 3), 60 + 60 * number, np.uint8)
+        photos.append(KeptPhoto(camera, codes, np.ones((20, 24), bool)))
+    return PhotoBlend(KeptPhotos(tuple(photos), blended=3))

@@ -18,7 +18,7 @@ from ibrpipe.synthetic import small_asset
 def test_what_is_drawn_covers_assets_of_every_kind_and_is_told():
     result = CliRunner().invoke(cli, ["warm-up"], catch_exceptions=False)
     assert result.exit_code == 0
-    assert "8 kinds of pictures drawn in " in result.stdout
+    assert "9 kinds of pictures drawn in " in result.stdout
     assert jit.kept_functions()[0] in result.stdout
     again = json.loads(CliRunner().invoke(cli, ["warm-up", "--json"], catch_exceptions=False).stdout)
     assert again["compiled"] == 0
@@ -34,7 +34,7 @@ def test_kept_functions_are_counted_below_the_chosen_folder(tmp_path, monkeypatc
     assert jit.kept_functions() == (str(tmp_path), 1)
 
 
-@pytest.mark.parametrize("kinds", [(), ("reflection",), ("spiral",)])
+@pytest.mark.parametrize("kinds", [(), ("reflection",), ("spiral",), ("photos",)])
 def test_small_assets_are_seen(kinds):
     asset = small_asset.asset(*kinds)
     assert tuple(part.kind for part in asset.textures[0].components) == kinds

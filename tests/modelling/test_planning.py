@@ -10,13 +10,14 @@ import pytest
 
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError, FormatError
+from ibrpipe.io.documents.plan import PlannedComponent
 from ibrpipe.modelling.appearance import Appearance, beyond_shift, edge_share
 from ibrpipe.modelling.plan_file import read_plan
 from ibrpipe.modelling.planning import PlanConfig, choose_coverage, choose_residuals, make_plan
 from ibrpipe.modelling.rectangles import RectangleConfig
 from ibrpipe.stages.plan import Inputs, run
 
-QUICK = PlanConfig(samples=4000, reflection="never")
+QUICK = PlanConfig(samples=4000, reflection="never", directions="spiral")
 #: stands in front of the wall of the matt scene, looking along +y
 FRONT = RectangleConfig(name="front", origin=(-1.6, -1, 1.2), u=(3.2, 0, 0), v=(0, 0, -2.4), center=(0, -5, 0))
 
@@ -54,6 +55,22 @@ def test_a_glossy_scene_gets_residuals(plans):
         entry = reasons[f"residuals of {name}"]
         assert "view-dependent colour predicts them" in entry["reason"]
         assert entry["measured"]["gain_db"] >= 0.5
+
+
+def test_a_glossy_scene_may_keep_its_photos_instead(measured):
+    scene = measured("glossy")
+    kinds = {}
+    for directions in ("photos", "auto"):
+        textures, _ = make_plan(scene.caster, scene.photos, QUICK.model_copy(update={"directions": directions}), 0)
+        kinds[directions] = {part.kind for texture in textures for part in texture.components}
+    assert kinds == {"photos": {"photos"}, "auto": {"photos"}}  # 14 small photos: fewer bytes than spirals
+    always = QUICK.model_copy(update={"directions": "auto", "residuals": "always"})
+    assert all(each.component("spiral") for each in make_plan(scene.caster, scene.photos, always, 0)[0])
+    named = QUICK.model_copy(
+        update={"residuals": "always", "components": (PlannedComponent(kind="photos", blended=3),)}
+    )
+    for texture in make_plan(scene.caster, scene.photos, named, 0)[0]:
+        assert [part.model_dump() for part in texture.components] == [{"kind": "photos", "blended": 3}]
 
 
 def test_a_surface_that_is_slightly_off_is_not_taken_for_gloss(measured):

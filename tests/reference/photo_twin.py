@@ -99,16 +99,16 @@ def diffuse(photos, point, normal, cos_min, slack, top, bins, statistic):
     return np.full(3, np.nan), 0.0, 0
 
 
-def blend_weights(dots):
+def blend_weights(dots, most=4):
     """Weights dot - (fourth dot), normalised; with fewer than four the threshold lies half the spread below them."""
     dots = np.asarray(dots, float)
-    low = dots[3] if len(dots) == 4 else dots[-1] - 0.5 * (dots[0] - dots[-1]) - 1e-9
+    low = dots[-1] if len(dots) == most else dots[-1] - 0.5 * (dots[0] - dots[-1]) - 1e-9
     raw = np.maximum(dots - low, 0)
     return raw / raw.sum() if raw.sum() > 0 else np.full(len(dots), 1 / len(dots))
 
 
-def blend(photos, point, normal, direction, cos_min, slack):
-    """(colour or NaN, photos used): the best four by angle among those that see the point."""
+def blend(photos, point, normal, direction, cos_min, slack, most=4):
+    """(colour or NaN, photos used): the best four, or so many, by angle among those that see the point."""
     found = []
     for photo in photos:
         quality, color = seen_color(photo, point, normal, cos_min, slack)
@@ -118,8 +118,8 @@ def blend(photos, point, normal, direction, cos_min, slack):
     found.sort(key=lambda entry: -entry[0])
     if not found:
         return np.full(3, np.nan), 0
-    best = found[:4]
-    return blend_weights([dot for dot, _ in best]) @ np.array([color for _, color in best]), len(best)
+    best = found[:most]
+    return blend_weights([dot for dot, _ in best], most) @ np.array([color for _, color in best]), len(best)
 
 
 def lookup_diffuse(point, facing, texel_sizes, layers):

@@ -51,6 +51,14 @@ class Parts:
         some = {"weights": self._weighted, "components": any(kind != Reflection.kind for kind in kinds)}
         return [name for name in LADDERS if some.get(name, True)]
 
+    def coarsest(self, name: str) -> int:
+        """Return the coarsest level of a part that may be taken.
+
+        Colours that photos hide are still what exports and pictures without view dependence show.
+        """
+        hidden = name == "color" and any(shared_files(kind) is not None for kind in self._asset.kinds)
+        return ANCHORS[name][-1] if hidden else len(LADDERS[name]) - 1
+
     @property
     def _weighted(self) -> bool:
         return any(
@@ -142,7 +150,7 @@ def curves_of(parts: Parts, fixed: Mapping[str, Level]) -> dict[str, Curve]:
     """Return the curves of all parts; one whose level is fixed has only that."""
     found = {}
     for name in parts.names():
-        ladder, anchors = LADDERS[name], ANCHORS[name]
+        ladder, anchors = LADDERS[name][: parts.coarsest(name) + 1], ANCHORS[name]
         if name in fixed:
             ladder, anchors = (fixed[name],), (0,)
         found[name] = parts.curve(name, ladder, anchors)

@@ -102,10 +102,15 @@ def _shown(photos: PhotoSet, p: int) -> Array:
 
 def _cut(photos: PhotoSet, p: int, shown: Array, top: float) -> KeptPhoto:
     camera, code = photos.cameras[p], photos.code[photos.pixels_of(p)].reshape(*shown.shape, 3)
-    rows, columns = np.flatnonzero(shown.any(axis=1)), np.flatnonzero(shown.any(axis=0))
-    window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    window = _around(shown.any(axis=1)), _around(shown.any(axis=0))
     codes = np.clip(np.round(np.nan_to_num(code[window]) * (255.0 / top)), 0, 255).astype(np.uint8)
     return KeptPhoto(_moved(camera, window), codes, shown[window])
+
+
+def _around(there: Array) -> slice:
+    """Indices from the first to the last that is true, and one beyond either, which bilinear look-ups ask for."""
+    found = np.flatnonzero(there)
+    return slice(max(int(found[0]) - 1, 0), min(int(found[-1]) + 2, len(there)))
 
 
 def _moved(camera: Camera, window: tuple[slice, slice]) -> Camera:

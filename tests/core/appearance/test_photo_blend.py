@@ -14,9 +14,9 @@ NAMES = {"hidden": HIDDEN, "usable": USABLE, "clean": CLEAN}
 COS_MIN, SLACK = 0.05, 2.0
 
 
-def blended(photos, points, normals, directions, cos_min=COS_MIN, slack=SLACK):
+def blended(photos, points, normals, directions, cos_min=COS_MIN, slack=SLACK, most=4):
     color, count = np.empty((len(points), 3), np.float32), np.empty(len(points), np.int32)
-    blend_photos(points, normals, directions, photo_twin.packed(photos), cos_min, slack, color, count)
+    blend_photos(points, normals, directions, photo_twin.packed(photos), most, cos_min, slack, color, count)
     return color, count
 
 
@@ -47,14 +47,15 @@ def test_visibility_as_twin():
     assert min(counts.values()) > 30
 
 
-def test_blend_as_twin_whatever_the_threads():
+@pytest.mark.parametrize("most", [2, 3, 4, 6])
+def test_blend_as_twin_whatever_the_threads(most):
     photos = random_photos(9, 3)
     points, normals = random_points(300, 4)
     directions = unit(np.random.default_rng(5).normal((0, 0, 1), 0.5, (300, 3)))
-    color, count = on_all_thread_counts(lambda: blended(photos, points, normals, directions))
-    wanted = [photo_twin.blend(photos, *row, COS_MIN, SLACK) for row in zip(points, normals, directions)]
+    color, count = on_all_thread_counts(lambda: blended(photos, points, normals, directions, most=most))
+    wanted = [photo_twin.blend(photos, *row, COS_MIN, SLACK, most) for row in zip(points, normals, directions)]
     np.testing.assert_array_equal(count, [used for _, used in wanted])
-    assert set(count) == {0, 1, 2, 3, 4}
+    assert set(count) == set(range(most + 1))
     np.testing.assert_allclose(color, [value for value, _ in wanted], atol=1e-5)
 
 
@@ -72,9 +73,10 @@ def test_blend_of_no_points_and_of_a_point_nobody_sees():
 def test_blend_weights_as_twin(count):
     rng = np.random.default_rng(7)
     for _ in range(50):
-        dots, weights = np.sort(rng.uniform(-1, 1, count))[::-1].copy(), np.empty(4)
+        dots, weights = np.full(4, np.nan), np.empty(4)
+        dots[:count] = np.sort(rng.uniform(-1, 1, count))[::-1]
         blend_weights(dots, count, weights)
-        np.testing.assert_allclose(weights[:count], photo_twin.blend_weights(dots), atol=1e-12)
+        np.testing.assert_allclose(weights[:count], photo_twin.blend_weights(dots[:count]), atol=1e-12)
         assert weights[:count].sum() == pytest.approx(1)
         if count == 4:
             assert weights[3] == 0  # a photo has faded to nothing before another takes its place
