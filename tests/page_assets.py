@@ -7,9 +7,13 @@ import numpy as np
 from ibrpipe.core.spiral import directions
 from ibrpipe.types import (
     Asset,
+    Blend,
     Camera,
+    KeptPhoto,
+    KeptPhotos,
     LayeredDepthImage,
     ParallelFrame,
+    PhotoBlend,
     ReflectedLight,
     Reflection,
     SpiralResiduals,
@@ -97,12 +101,29 @@ def light_of() -> ReflectedLight:
     return ReflectedLight(tables, (0.045, 0.9))
 
 
+def kept_photos() -> KeptPhotos:
+    """Smooth pictures from all round, no two alike, with a hole each."""
+    photos = []
+    for n in range(9):
+        eye = 3.2 * np.array([np.sin(0.7 * n), 0.8 * np.cos(1.9 * n), np.cos(0.7 * n)])
+        camera = Camera.look_at(eye, (0, 0, 0), (0, 1, 0), 55, 120 + n, 110)
+        y, x = np.mgrid[:110, : 120 + n] / 110
+        waves = np.stack([np.sin(6 * x + n), np.cos(5 * y + 2 * n), np.sin(4 * (x - y) - n)], axis=-1)
+        codes = np.round(128 + 80 * waves).astype(np.uint8)
+        photos.append(KeptPhoto(camera, codes, np.hypot(x - 0.3, y - 0.6) > 0.1))
+    return KeptPhotos(tuple(photos), 1.2, Blend(4, 0.75, 0.5))
+
+
 def make_asset(kind: str) -> Asset:
-    """Asset of a kind: matt, perspective, spiral, gloss (mirrors tables alone), mirror (and the wall)."""
+    """Asset of a kind: matt, perspective, spiral, gloss (mirrors tables alone), mirror (and the wall),
+    photos.
+    """
     front, back = (ball_layers(back, wall=kind != "gloss") for back in (False, True))
     if kind == "perspective":
         return Asset((Texture(seen_from_a_point()), Texture(back)))
     parts: list[tuple[ViewDependence, ...]] = [(), ()]
+    if kind == "photos":
+        parts = [(PhotoBlend(kept_photos()),)] * 2
     if kind == "spiral":
         parts = [(spiral_of(front),), (spiral_of(back),)]
     if kind in ("gloss", "mirror"):

@@ -14,14 +14,14 @@ from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import CaptureError
 from ibrpipe.io.views import View, load_view
 from ibrpipe.progress import track
-from ibrpipe.types import Array, Camera
+from ibrpipe.types import Array, Blend, Camera
 
 #: smallest cosine between surface normal and direction to a photo for the photo to count as seeing the surface
 COS_MIN = 0.05
 #: how far a photo's depth map may differ from a point's depth, in pixel footprints on the surface
 DEPTH_SLACK = 2.0
-#: photos that a point asks (gong-yang, sec. 4.2)
-BLENDED = 4
+#: how photos are mixed in gong-yang, sec. 4.2
+PUBLISHED = Blend()
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,8 @@ class PhotoSet:
             self.mask,
         )
 
-    def blend(self, points: Array, normals: Array, directions: Array, most: int = BLENDED) -> tuple[Array, Array]:
-        """Colour surface points as seen from `directions` by the best four photos (gong-yang, sec. 4.2), or so many.
+    def blend(self, points: Array, normals: Array, directions: Array, how: Blend = PUBLISHED) -> tuple[Array, Array]:
+        """Colour surface points as seen from `directions` by the best four photos (gong-yang, sec. 4.2), or otherwise.
 
         Parameters
         ----------
@@ -84,17 +84,20 @@ class PhotoSet:
         Returns
         -------
         color : (N, 3) float32, linear; NaN where no photo sees the point
-        count : (N,) int32, photos used, 0 to `most`
+        count : (N,) int32, photos used, 0 to `how.photos`
         """
-        code, count = self.blend_codes(points, normals, directions, most)
+        code, count = self.blend_codes(points, normals, directions, how)
         return srgb_decode(code), count
 
-    def blend_codes(self, points: Array, normals: Array, directions: Array, most: int = BLENDED) -> tuple[Array, Array]:
+    def blend_codes(
+        self, points: Array, normals: Array, directions: Array, how: Blend = PUBLISHED
+    ) -> tuple[Array, Array]:
         """Do as `blend`, but leave the colour (N, 3) in display code: for `code` that is signed, such as errors."""
         code, count = np.empty((len(points), 3), np.float32), np.empty(len(points), np.int32)
         points, normals = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(normals, np.float32)
         directions = np.ascontiguousarray(directions, np.float64)
-        blend_photos(points, normals, directions, self._arrays, most, COS_MIN, DEPTH_SLACK, code, count)
+        rules = np.array([COS_MIN, DEPTH_SLACK, how.falloff, how.sharpness])
+        blend_photos(points, normals, directions, self._arrays, how.photos, rules, code, count)
         return code, count
 
     def diffuse(self, points: Array, normals: Array, bins: int = 128, statistic: int = 0) -> tuple[Array, Array, Array]:

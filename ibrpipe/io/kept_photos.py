@@ -13,6 +13,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from ibrpipe.io.layers import frame_as_json, frame_from_json
 from ibrpipe.io.residuals import continue_smoothly
 from ibrpipe.io.untrusted.boundary import told
 from ibrpipe.types import Array, Camera
-from ibrpipe.types.kept_photos import MOST_PHOTOS, KeptPhoto, KeptPhotos, PhotoBlend
+from ibrpipe.types.kept_photos import MOST_PHOTOS, Blend, KeptPhoto, KeptPhotos, PhotoBlend
 
 NAME = "photos.zip"
 SCHEMA = 1
@@ -82,7 +83,7 @@ def write_photos(kept: KeptPhotos, path: Path, quality: int = 100, speed: int = 
     header = {
         "schema": SCHEMA,
         "top": kept.top,
-        "blended": kept.blended,
+        "blend": asdict(kept.blend),
         "encoding": "png" if quality >= 100 else "avif",
         "cameras": [frame_as_json(photo.camera) for photo in kept.photos],
     }
@@ -129,7 +130,7 @@ def read_photos(path: Path) -> KeptPhotos:
         raise MissingFileError(f"{path}: no such file; it should hold the photos that an asset keeps; {_REMEDY}")
     with told(path, _REMEDY), zipfile.ZipFile(path) as archive:
         header = _header(archive)
-        cameras = _cameras(header["cameras"])
+        cameras, blend = _cameras(header["cameras"]), Blend(**header["blend"])
         names = set(archive.namelist())
         pictures = [_read(archive, _picture(number, header["encoding"]), MOST_HEADER) for number in range(len(cameras))]
         masks = [
@@ -148,7 +149,7 @@ def read_photos(path: Path) -> KeptPhotos:
                 photos = tuple(pool.map(photo, range(len(cameras))))
         except FormatError as error:
             raise ValueError(error) from error
-        return KeptPhotos(photos, header["top"], header["blended"])
+        return KeptPhotos(photos, header["top"], blend)
 
 
 def _header(archive: zipfile.ZipFile) -> dict[str, Any]:
@@ -157,8 +158,8 @@ def _header(archive: zipfile.ZipFile) -> dict[str, Any]:
         raise FormatError(f"{archive.filename}: photos of schema {header['schema']}, this version reads {SCHEMA}")
     if header["encoding"] not in ("avif", "png"):
         raise ValueError(f"pictures are said to be {header['encoding']!r}")
-    if type(header["blended"]) is not int or type(header["top"]) not in (int, float):
-        raise ValueError("top and blended must be numbers")
+    if not all(type(value) in (int, float) for value in (header["top"], *header["blend"].values())):
+        raise ValueError("top and what tells of the blend must be numbers")
     return header
 
 

@@ -20,6 +20,7 @@ from ibrpipe.evaluation.texture_errors import texture_errors
 from ibrpipe.io.assets import INDEX, AssetIndex, read_asset, read_index
 from ibrpipe.io.recoding import finish, losses, texture_bytes
 from ibrpipe.io.views import View, ViewSet, read_views
+from ibrpipe.modelling.compression.between import between_photos
 from ibrpipe.modelling.compression.coarser import write_coarser
 from ibrpipe.modelling.compression.coder import Coder, size_of
 from ibrpipe.modelling.compression.document import Compression, PartLevel, Trial
@@ -128,6 +129,33 @@ class Outputs(StageOutputs):
     compression: Path = artifact("compression.json", "How the asset is coded, and why.", Compression)
 
 
+@dataclass(frozen=True)
+class Goal:
+    """What coding starts from.
+
+    Attributes
+    ----------
+    before : float
+        PSNR of the measured photos without coding, dB.
+    ahead : float
+        How much better views between photos are shown, dB: what is lost there counts.
+    """
+
+    before: float
+    ahead: float = 0.0
+
+    def allowed(self, config: CompressConfig) -> float:
+        """Mean square that coding may add, of colours from 0 to 1."""
+        if config.target_db is not None:
+            return square(config.target_db) - square(self.before)
+        between = self.before + self.ahead
+        return square(between - config.loss_db) - square(between)
+
+    def least(self, config: CompressConfig) -> float:
+        """PSNR of the measured photos with as much added, dB."""
+        return float(-10 * np.log10(max(square(self.before) + self.allowed(config), 1e-10)))
+
+
 def run(inputs: Inputs, config: CompressConfig) -> Outputs:
     """Measure what every part of the asset weighs and costs, and write it in the coding that the target asks for.
 
@@ -141,6 +169,7 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
     fit = PhotoFit(_spread(views.train, config.measured_views), first.asset)
     each, every = fit.each(first.asset), max(1, -(-len(fit.views) // _FEW))
     before, few = mean_of(each), mean_of(each[::every])
+    goal = None if before is None else Goal(before, between_photos(first.asset, lambda asset: fit.psnr(asset, every)))
     with TemporaryDirectory(prefix="ibrpipe-") as scratch:
         for factor in _factors(config):
             folder = Path(scratch) / str(factor)
@@ -148,16 +177,17 @@ def run(inputs: Inputs, config: CompressConfig) -> Outputs:
             coder = Coder(source, fit.psnr, inputs.out)
             few = few if factor == 1 or before is None else fit.psnr(source.asset, every)
             parts = Parts(source, lambda changed: fit.psnr(changed, every), few or 0.0)
-            step, why, found, told_parts = _choose(coder, parts, config, _rounded(before), photo_bytes(views.train))
+            step, why, found, told_parts = _choose(coder, parts, config, goal, photo_bytes(views.train))
             if found:
                 break
-        chosen = coder.settle(step, lambda trial: _kept(trial, config, before, len(first.index.textures)))
+        chosen = coder.settle(step, lambda trial: _kept(trial, config, goal, len(first.index.textures)))
         told = Compression(
             why=why if factor == 1 else f"{why}; {factor} x {factor} texels are joined",
             chosen=chosen,
             joined_texels=factor,
             bytes_before=size_of(inputs.asset),
             psnr_before=_rounded(before),
+            psnr_between=None if goal is None or not goal.ahead else _rounded(goal.before + goal.ahead),
             views=[view.name for view in fit.views],
             parts=told_parts,
             trials=coder.trials,
@@ -178,11 +208,11 @@ def _most(megabytes: float, textures: int) -> int:
     return int(megabytes * _MB) - _TOLD - textures * _TOLD_EACH
 
 
-def _kept(trial: Trial, config: CompressConfig, before: float | None, textures: int) -> bool:
+def _kept(trial: Trial, config: CompressConfig, goal: Goal | None, textures: int) -> bool:
     """Say whether a coding keeps what is asked for."""
     if config.target_mb is not None:
         return trial.bytes <= _most(config.target_mb, textures)
-    return trial.psnr is None or before is None or trial.psnr >= _wanted(config, before)
+    return trial.psnr is None or goal is None or trial.psnr >= goal.least(config)
 
 
 def _fixed(config: CompressConfig) -> dict[str, Level]:
@@ -196,7 +226,7 @@ def _fixed(config: CompressConfig) -> dict[str, Level]:
 
 
 def _choose(
-    coder: Coder, parts: Parts, config: CompressConfig, before: float | None, photos: int
+    coder: Coder, parts: Parts, config: CompressConfig, goal: Goal | None, photos: int
 ) -> tuple[CodingStep, str, bool, dict[str, list[PartLevel]]]:
     """Return the step to take, why, whether it keeps the target, and what the parts weigh and cost.
 
@@ -204,7 +234,7 @@ def _choose(
     """
     if config.lossless:
         return CodingStep(), "every bit of the layers is kept, view dependence as it was", True, {}
-    if before is None:
+    if goal is None:
         why = "no photo shows the asset, so that nothing can be measured: every bit is kept"
         asked = [name for name in _MEASURED if name in config.model_fields_set and getattr(config, name) is not None]
         if asked:
@@ -214,36 +244,33 @@ def _choose(
     curves = curves_of(parts, fixed)
     ladder = choices(curves)
     steps = [step_of_choice(choice, fixed) for choice in ladder]
-    told = {name: _told(name, curve, before, fixed) for name, curve in curves.items()}
+    told = {name: _told(name, curve, goal.before, fixed) for name, curve in curves.items()}
 
     def attempt(index: int) -> tuple[int, float]:
         trial = coder.tried(steps[index])
-        return trial.bytes, square(trial.psnr) - square(before)
+        return trial.bytes, square(trial.psnr) - square(goal.before)
 
     if config.target_mb is not None:
         found = finest_within(ladder, _most(config.target_mb, len(coder.source.index.textures)), attempt)
         if found is None:
             return steps[-1], f"even the coarsest coding is larger than {config.target_mb:g} MB", False, told
         return steps[found], f"the finest coding of at most {config.target_mb:g} MB", True, told
-    wanted = _wanted(config, before)
-    found = coarsest_within(ladder, square(wanted) - square(before), attempt)
+    found = coarsest_within(ladder, goal.allowed(config), attempt)
     if found is None:
         how = "with the settings given" if fixed or config.joined_texels else "even without losses"
         step = steps[0] if fixed else CodingStep()
-        return step, f"{how} the photos are not shown at {wanted:.2f} dB", False, told
+        return step, f"{how} the photos are not shown at {goal.least(config):.2f} dB", False, told
     if config.target_db is not None:
         why = f"the coarsest coding that shows the measured photos at {config.target_db:g} dB or better"
         return steps[found], why, True, told
-    why = f"the coarsest coding that loses at most {config.loss_db:g} dB on the measured photos"
-    finer = finer_while_worth(ladder, found, square(before), config.worth_db / (0.01 * max(photos, 1)))
+    where = " between photos, as left-out photos tell" if goal.ahead else " on the measured photos"
+    why = f"the coarsest coding that loses at most {config.loss_db:g} dB{where}"
+    finer = finer_while_worth(
+        ladder, found, square(goal.before + goal.ahead), config.worth_db / (0.01 * max(photos, 1))
+    )
     if finer < found:
         why += f", and what is worth its bytes: {config.worth_db:g} dB for each further hundredth of the photos'"
     return steps[finer], why, True, told
-
-
-def _wanted(config: CompressConfig, before: float) -> float:
-    """Return the least PSNR that is asked for, dB."""
-    return before - config.loss_db if config.target_db is None else config.target_db
 
 
 def _told(name: str, curve: Curve, before: float, fixed: Mapping[str, Level]) -> list[PartLevel]:

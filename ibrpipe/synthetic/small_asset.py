@@ -8,6 +8,7 @@ from ibrpipe.core.spiral import directions
 from ibrpipe.types import (
     Array,
     Asset,
+    Blend,
     Camera,
     KeptPhoto,
     KeptPhotos,
@@ -71,4 +72,4 @@ def _photos(_: int) -> ViewDependence:
         camera = Camera.look_at((x, middle, -2.0 * CELLS), (middle, middle, 1.0), width=24, height=20)
         codes = np.full((20, 24, 3), 60 + 60 * number, np.uint8)
         photos.append(KeptPhoto(camera, codes, np.ones((20, 24), bool)))
-    return PhotoBlend(KeptPhotos(tuple(photos), blended=3))
+    return PhotoBlend(KeptPhotos(tuple(photos), blend=Blend(3, 0.75, 0.5)))

@@ -9,7 +9,7 @@ from ibrpipe.types.arrays import Array
 from ibrpipe.types.asset import Asset
 from ibrpipe.types.camera import Camera, ParallelFrame
 from ibrpipe.types.frame import Frame
-from ibrpipe.types.kept_photos import KeptPhoto, KeptPhotos, PhotoBlend
+from ibrpipe.types.kept_photos import Blend, KeptPhoto, KeptPhotos, PhotoBlend
 from ibrpipe.types.lighting import Light, Lighting
 from ibrpipe.types.mesh import Mesh
 from ibrpipe.types.parts import Instances, PaintedMesh, Part
@@ -22,6 +22,7 @@ from ibrpipe.types.view_dependence import SpiralResiduals, ViewDependence
 __all__ = [
     "Array",
     "Asset",
+    "Blend",
     "Camera",
     "DepthImage",
     "Frame",

@@ -17,8 +17,43 @@ from ibrpipe.types.view_dependence import ViewDependence
 
 #: most photos that an asset keeps, and most that are blended at a place
 MOST_PHOTOS, MOST_BLENDED = 4096, 8
-#: fewest photos that decide a blend: all but the last count, which is only the bar for the others
-LEAST_BLENDED = 2
+#: fewest photos that decide a blend, and the greatest falloff and sharpness
+LEAST_BLENDED, MOST_SHARP = 2, 2.0
+
+
+@dataclass(frozen=True)
+class Blend:
+    """How photos that see a place are mixed (buehler2001).
+
+    Attributes
+    ----------
+    photos : int
+        Photos that a place asks at the most, the nearest by angle; the last is only the bar for the others.
+    falloff : float
+        0: a photo weighs as far as the cosine of its angle lies above the bar's (gong-yang, sec. 4.2). Else its weight
+        is (1 - angle / bar) / angle^falloff.
+    sharpness : float
+        0: pixels are mixed bilinearly. Else by cubic convolution of parameter -sharpness (keys1981), which undoes some
+        of the blur of mixing photos.
+
+    Raises
+    ------
+    ValueRangeError
+        A figure is out of bounds.
+    """
+
+    photos: int = 4
+    falloff: float = 0.0
+    sharpness: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "photos", operator.index(self.photos))
+        if not LEAST_BLENDED <= self.photos <= MOST_BLENDED:
+            raise ValueRangeError(f"{self.photos} photos are blended; it must be {LEAST_BLENDED} to {MOST_BLENDED}")
+        for name in ("falloff", "sharpness"):
+            object.__setattr__(self, name, float(getattr(self, name)))
+            if not 0 <= getattr(self, name) <= MOST_SHARP:
+                raise ValueRangeError(f"{name} is {getattr(self, name)}; it must lie in [0, {MOST_SHARP}]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +104,8 @@ class KeptPhotos:
     photos : tuple of KeptPhoto
     top : float
         Display code that 255 stands for, 1 and more: above 1 is light beyond white.
-    blended : int
-        Photos that a place asks at the most, by angle; each counts by how far it lies before the last of them.
+    blend : Blend
+        How those that see a place are mixed.
     own : bool
         Whether a photo is asked in a picture from its own place. Left out, pictures from there tell how views are
         predicted that no photo shows.
@@ -83,13 +118,13 @@ class KeptPhotos:
 
     photos: tuple[KeptPhoto, ...]
     top: float = 1.0
-    blended: int = 4
+    blend: Blend = field(default=Blend())
     own: bool = field(default=True, kw_only=True)
 
     def __repr__(self) -> str:
         """Return how many photos and pixels there are."""
         pixels = sum(photo.shown.size for photo in self.photos)
-        return f"KeptPhotos({len(self.photos)} photos, {pixels} pixels, {self.blended} blended)"
+        return f"KeptPhotos({len(self.photos)} photos, {pixels} pixels, {self.blend.photos} blended)"
 
     def __post_init__(self) -> None:
         photos = tuple(self.photos)
@@ -97,11 +132,8 @@ class KeptPhotos:
             raise ShapeError(f"photos must be 1 to {MOST_PHOTOS} KeptPhoto, got {len(photos)}")
         object.__setattr__(self, "photos", photos)
         object.__setattr__(self, "top", float(self.top))
-        object.__setattr__(self, "blended", operator.index(self.blended))
         if not (math.isfinite(self.top) and 1 <= self.top <= 1e3):
             raise ValueRangeError(f"top is {self.top}; the greatest display code must lie in [1, 1000]")
-        if not LEAST_BLENDED <= self.blended <= MOST_BLENDED:
-            raise ValueRangeError(f"blended is {self.blended}; it must lie in [{LEAST_BLENDED}, {MOST_BLENDED}]")
 
     @property
     def bytes(self) -> int:

@@ -72,7 +72,7 @@ def check_components(components: Sequence[ViewDependence]) -> tuple[ViewDependen
     for component in components:
         if not isinstance(component, ViewDependence):
             raise ShapeError(
-                "a component must have kind, bytes, shared and of_samples (ViewDependence), "
+                "a component must have kind, bytes, shared, of_samples and predicting (ViewDependence), "
                 f"got {type(component).__name__}"
             )
     kinds = [component.kind for component in components]

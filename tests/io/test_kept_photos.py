@@ -14,7 +14,7 @@ import ibrpipe
 from ibrpipe.errors import FormatError, MissingFileError, ResourceError
 from ibrpipe.io.kept_photos import NAME, read_photos, write_photos
 from ibrpipe.synthetic import small_asset
-from ibrpipe.types import Camera, KeptPhoto, KeptPhotos
+from ibrpipe.types import Blend, Camera, KeptPhoto, KeptPhotos
 
 
 def photos(count=3, side=48):
@@ -30,14 +30,14 @@ def photos(count=3, side=48):
         )
         shown = np.ones(x.shape, bool) if n == 0 else np.hypot(x - 0.5, y - 0.5) < 0.45
         made.append(KeptPhoto(camera, np.clip(codes, 0, 255).astype(np.uint8), shown))
-    return KeptPhotos(tuple(made), 1.5, 3)
+    return KeptPhotos(tuple(made), 1.5, Blend(3, 0.75, 0.5))
 
 
 def test_without_losses_all_that_shows_the_object_comes_back(tmp_path):
     before = photos()
     write_photos(before, tmp_path / NAME)
     after = read_photos(tmp_path / NAME)
-    assert (after.top, after.blended, after.own) == (1.5, 3, True)
+    assert (after.top, after.blend, after.own) == (1.5, Blend(3, 0.75, 0.5), True)
     for one, other in zip(before.photos, after.photos, strict=True):
         np.testing.assert_array_equal(one.shown, other.shown)
         np.testing.assert_array_equal(one.codes[one.shown], other.codes[one.shown])
@@ -116,9 +116,13 @@ def first_camera(**values):
         ("photos.json", header(encoding="exr")),
         ("photos.json", header(top="much")),
         ("photos.json", header(top=float("nan"))),
-        ("photos.json", header(blended=1)),
-        ("photos.json", header(blended=10**9)),
-        ("photos.json", header(blended=2.5)),
+        ("photos.json", header(blend={"photos": 1})),
+        ("photos.json", header(blend={"photos": 10**9})),
+        ("photos.json", header(blend={"photos": 2.5})),
+        ("photos.json", header(blend={"photos": 4, "falloff": -1.0})),
+        ("photos.json", header(blend={"photos": 4, "sharpness": "very"})),
+        ("photos.json", header(blend={"more": 4})),
+        ("photos.json", header(blend=4)),
         ("photos.json", header(cameras=[])),
         ("photos.json", first_camera(width=49)),
         ("photos.json", first_camera(width=-1)),

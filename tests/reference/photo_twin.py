@@ -107,19 +107,60 @@ def blend_weights(dots, most=4):
     return raw / raw.sum() if raw.sum() > 0 else np.full(len(dots), 1 / len(dots))
 
 
-def blend(photos, point, normal, direction, cos_min, slack, most=4):
+def angle_weights(dots, most, falloff):
+    """(1 - angle / bar) / (angle + 0.003)^falloff, normalised; the bar is the last angle, or 1.2 of it if fewer see."""
+    angles = np.arccos(np.clip(dots, -1, 1))
+    bar = angles[-1] if len(dots) == most else 1.2 * angles[-1] + 1e-6
+    raw = np.maximum(1 - angles / bar, 0) / (angles + 0.003) ** falloff
+    return raw / raw.sum() if raw.sum() > 0 else np.full(len(dots), 1 / len(dots))
+
+
+def keys(t, a):
+    """Cubic convolution (keys1981, eq. 4 with a free)."""
+    t = abs(t)
+    if t < 1:
+        return (a + 2) * t**3 - (a + 3) * t**2 + 1
+    return a * t**3 - 5 * a * t**2 + 8 * a * t - 4 * a if t < 2 else 0.0
+
+
+def sharp_color(photo, point, slack, cosine, sharpness):
+    """Colour at the projection by cubic convolution; None where 2 x 2 pixels differ or one of 4 x 4 is no object."""
+    camera = photo.camera
+    height, width = photo.depth.shape
+    local = camera.R @ point + camera.t
+    x, y = (camera.K @ local)[:2] / local[2] - 0.5
+    left, top = min(math.floor(x), max(width - 2, 0)), min(math.floor(y), max(height - 2, 0))
+    if left < 1 or top < 1 or left + 2 >= width or top + 2 >= height:
+        return None
+    block = np.s_[top - 1 : top + 3, left - 1 : left + 3]
+    inner = np.s_[top : top + 2, left : left + 2]
+    tolerance = slack * local[2] / camera.K[0, 0] / max(cosine, 0.05)
+    if not (photo.mask[block] >= 0.5).all() or not (abs(photo.depth[inner] - local[2]) <= tolerance).all():
+        return None
+    down = [keys(y - row, -sharpness) for row in range(top - 1, top + 3)]
+    across = [keys(x - column, -sharpness) for column in range(left - 1, left + 3)]
+    return np.einsum("i,j,ijc->c", down, across, photo.color[block].astype(float))
+
+
+def blend(photos, point, normal, direction, cos_min, slack, most=4, falloff=0.0, sharpness=0.0):
     """(colour or NaN, photos used): the best four, or so many, by angle among those that see the point."""
     found = []
     for photo in photos:
         quality, color = seen_color(photo, point, normal, cos_min, slack)
         if quality != "hidden":
+            if sharpness:
+                away = photo.camera.center - point
+                sharp = sharp_color(photo, point, slack, float(normal @ away / np.linalg.norm(away)), sharpness)
+                color = color if sharp is None else sharp
             away = photo.camera.center - point
             found.append((float(away @ direction / np.linalg.norm(away)), color))
     found.sort(key=lambda entry: -entry[0])
     if not found:
         return np.full(3, np.nan), 0
     best = found[:most]
-    return blend_weights([dot for dot, _ in best], most) @ np.array([color for _, color in best]), len(best)
+    dots = [dot for dot, _ in best]
+    weights = angle_weights(dots, most, falloff) if falloff else blend_weights(dots, most)
+    return weights @ np.array([color for _, color in best]), len(best)
 
 
 def lookup_diffuse(point, facing, texel_sizes, layers):

@@ -21,6 +21,10 @@ from numba import prange
 from ibrpipe.core.jit import helper, kernel
 
 BLOCK = 128
+#: rad, added to angles, so that a photo from the very direction does not weigh infinitely
+LEAST_ANGLE = 0.003
+#: places of the rules: least cosine between normal and photo; how far depths may differ, pixels; see `weigh` and `mix`
+COS_MIN, SLACK, FALLOFF, SHARPNESS = range(4)
 HIDDEN, USABLE, CLEAN = 0, 1, 2
 
 
@@ -147,11 +151,79 @@ def best_photos(point, normal, direction, views, cos_min, slack, dots, chosen, c
 
 
 @helper
-def mix(color, corners, weights, count):
-    """Return the mean of what `count` photos show, by their weights."""
+def angle_weights(dots, count, falloff, weights):
+    """Fill `weights` for `count` dot products in descending order by angle: (1 - angle / last) / angle^falloff.
+
+    As many as there is room for in dots are full; with fewer the last lies a little beyond the last photo. Source:
+    buehler2001, sec. 4.
+    """
+    last = math.acos(max(min(dots[count - 1], 1.0), -1.0))
+    if count < len(dots):
+        last = 1.2 * last + 1e-6
+    total = 0.0
+    for i in range(count):
+        angle = math.acos(max(min(dots[i], 1.0), -1.0))
+        weights[i] = max(1.0 - angle / last, 0.0) / (angle + LEAST_ANGLE) ** falloff if last > 0.0 else 0.0
+        total += weights[i]
+    for i in range(count):
+        weights[i] = weights[i] / total if total > 0.0 else 1.0 / count
+
+
+@helper
+def weigh(dots, count, falloff, weights):
+    """Fill `weights` as `blend_weights` where falloff is 0, else as `angle_weights`."""
+    if falloff > 0.0:
+        angle_weights(dots, count, falloff, weights)
+    else:
+        blend_weights(dots, count, weights)
+
+
+@helper
+def tap(t, a):
+    """Weight of a pixel at distance t >= 0 in cubic convolution of parameter a. Source: keys1981."""
+    if t < 1.0:
+        return ((a + 2.0) * t - (a + 3.0)) * t * t + 1.0
+    return a * (((t - 5.0) * t + 8.0) * t - 4.0)
+
+
+@helper
+def fetch_sharp(color, photo, views, corners, row, sharpness):
+    """Return the colour at the place in corners[row] by cubic convolution; bilinear beside what is no object."""
+    _, _, sizes, starts, _, mask = views
+    height, width, start = sizes[photo, 0], sizes[photo, 1], starts[photo]
+    first = int(corners[row, 0, 0]) - start
+    i0, j0 = first % width, first // width
+    whole = (
+        corners[row, 0, 1] > 0.0 and corners[row, 1, 1] > 0.0 and corners[row, 2, 1] > 0.0 and corners[row, 3, 1] > 0.0
+    )
+    if not (whole and i0 >= 1 and j0 >= 1 and i0 + 2 < width and j0 + 2 < height):
+        return fetch(color, corners, row)
+    fx, fy = corners[row, 1, 1] + corners[row, 3, 1], corners[row, 2, 1] + corners[row, 3, 1]
+    red, green, blue = 0.0, 0.0, 0.0
+    for j in range(-1, 3):
+        down = tap(abs(j - fy), -sharpness)
+        for i in range(-1, 3):
+            index = start + (j0 + j) * width + i0 + i
+            if not mask[index] >= 0.5:
+                return fetch(color, corners, row)
+            weight = down * tap(abs(i - fx), -sharpness)
+            red += weight * color[index, 0]
+            green += weight * color[index, 1]
+            blue += weight * color[index, 2]
+    return red, green, blue
+
+
+@helper
+def mix(color, chosen, views, corners, weights, count, sharpness):
+    """Return the mean of what `count` photos show, by their weights; bilinear where sharpness is 0."""
     red, green, blue = 0.0, 0.0, 0.0
     for j in range(count):
-        r, g, b = fetch(color, corners, j)
+        if weights[j] <= 0.0:
+            continue
+        if sharpness > 0.0:
+            r, g, b = fetch_sharp(color, chosen[j], views, corners, j, sharpness)
+        else:
+            r, g, b = fetch(color, corners, j)
         red += weights[j] * r
         green += weights[j] * g
         blue += weights[j] * b
@@ -159,10 +231,10 @@ def mix(color, corners, weights, count):
 
 
 @kernel
-def blend_photos(points, normals, directions, photos, most, cos_min, slack, out_color, out_count):
+def blend_photos(points, normals, directions, photos, most, rules, out_color, out_count):
     """Colour every point as seen from its direction, from the best photos (gong-yang, sec. 4.2: the best four)."""
     # points, directions (N, 3) f64, directions unit and toward the viewer; normals (N, 3) f32 unit
-    # photos: see above; most i64, photos of a point; cos_min, slack f64
+    # photos: see above; most i64, photos of a point; rules (4,) f64: see above
     # out_color (N, 3) f32 display code, NaN where no photo sees the point; out_count (N,) i32 photos used
     projection, centers, sizes, starts, color, depth, mask = photos
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
@@ -173,10 +245,13 @@ def blend_photos(points, normals, directions, photos, most, cos_min, slack, out_
         for i in range(block * BLOCK, min((block + 1) * BLOCK, len(points))):
             point, normal = (points[i, 0], points[i, 1], points[i, 2]), (normals[i, 0], normals[i, 1], normals[i, 2])
             direction = directions[i, 0], directions[i, 1], directions[i, 2]
-            found = best_photos(point, normal, direction, views, cos_min, slack, dots, chosen, corners, best)
+            found = best_photos(
+                point, normal, direction, views, rules[COS_MIN], rules[SLACK], dots, chosen, corners, best
+            )
             out_count[i] = found
             if found == 0:
                 out_color[i] = np.nan
                 continue
-            blend_weights(best, found, weights)
-            out_color[i, 0], out_color[i, 1], out_color[i, 2] = mix(color, corners, weights, found)
+            weigh(best, found, rules[FALLOFF], weights)
+            red, green, blue = mix(color, chosen, views, corners, weights, found, rules[SHARPNESS])
+            out_color[i, 0], out_color[i, 1], out_color[i, 2] = red, green, blue

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import prange
 
-from ibrpipe.core.appearance.photo_blend import best_photos, blend_weights, mix
+from ibrpipe.core.appearance.photo_blend import COS_MIN, FALLOFF, SHARPNESS, SLACK, best_photos, mix, weigh
 from ibrpipe.core.jit import helper, kernel
 from ibrpipe.core.reflection.picture import mean_normal, pixel_ray, weigh_corners
 
@@ -45,8 +45,8 @@ def draw_photos(picture, color, view, surface, poses, photos, most, rules, table
     """Colour the pixels of color (H, W, 3) f32 that photos see; out_counts (H, 2) i64: pixels asked, and seen."""
     # picture: depth (H, W) f32, inf = none; ids (H, W) u32; known (H, W) f32; view = (world from pixel (3, 3), centre
     # (3,), rows (H, 2), columns (W, 2)) f64: ray (y, x) passes through rows[y] + columns[x] of the camera's picture
-    # poses (F, 4, 4) f64 field from world; most i64, photos of a pixel; rules (2,) f64: least cosine between normal and
-    # photo, slack in pixels; table (N,) f32 linear light of codes 0 to 255 in equal steps
+    # poses (F, 4, 4) f64 field from world; most i64, photos of a pixel; rules (4,) f64: see photo_blend; table
+    # (N,) f32: linear light of codes 0 to 255 in equal steps
     depth, ids, known = picture
     world_from_pixel, eye, rows, columns = view
     records, normals, active = surface
@@ -69,13 +69,15 @@ def draw_photos(picture, color, view, surface, poses, photos, most, rules, table
                 back = -1.0 / math.sqrt(wx * wx + wy * wy + wz * wz)
                 toward = back * wx, back * wy, back * wz
                 normal = normal_toward(point, toward, patch, records, poses, normals, corner_weights)
-                found = best_photos(point, normal, toward, views, rules[0], rules[1], dots, chosen, corners, best)
+                found = best_photos(
+                    point, normal, toward, views, rules[COS_MIN], rules[SLACK], dots, chosen, corners, best
+                )
                 out_counts[y, 0] += 1
                 if found == 0:
                     continue
                 out_counts[y, 1] += 1
-                blend_weights(best, found, weights)
-                red, green, blue = mix(codes, corners, weights, found)
+                weigh(best, found, rules[FALLOFF], weights)
+                red, green, blue = mix(codes, chosen, views, corners, weights, found, rules[SHARPNESS])
                 color[y, x, 0] = decoded(step * red, table)
                 color[y, x, 1] = decoded(step * green, table)
                 color[y, x, 2] = decoded(step * blue, table)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -12,13 +14,18 @@ from ibrpipe.core.color import to_bytes
 from ibrpipe.core.spiral.directions import LIMIT, closing_count
 from ibrpipe.errors import FormatError
 from ibrpipe.export.page.packing import Packer, foretell, neighbours
-from ibrpipe.types import Array, Asset, Reflection, SpiralResiduals
+from ibrpipe.io.layer_pictures.avif import encode_avif
+from ibrpipe.io.residuals import continue_smoothly
+from ibrpipe.io.views import spread
+from ibrpipe.types import Array, Asset, KeptPhoto, KeptPhotos, PhotoBlend, Reflection, SpiralResiduals
 from ibrpipe.types.reflection import ReflectedLight
 
 #: edge of a picture that holds residual images, texels; textures of browsers are that large everywhere
 ATLAS = 2048
 #: textures with residuals at most: the shader marks those that it has asked in one word
 SPIRALS = 30
+#: photos that are kept in a page at most, as browsers stack pictures; pixels of all; their quality
+MOST_KEPT, KEPT_PIXELS, KEPT_QUALITY = 256, 40_000_000, 93
 #: codes of reflected light's fourth root
 LIGHTS = 1 << 12
 
@@ -155,8 +162,56 @@ def _webp(sheet: Array) -> bytes:
     return out.getvalue()
 
 
+def pack_kept(asset: Asset, packer: Packer) -> dict[str, Any]:
+    """Pack the photos that an asset keeps as AVIF pictures, shrunk and thinned where a browser would not hold them."""
+    kept = asset.shared[PhotoBlend.kind]
+    assert isinstance(kept, KeptPhotos)
+    chosen = spread(kept.photos, MOST_KEPT)
+    pixels = sum(photo.shown.size for photo in chosen)
+    factor = max(1, int(np.ceil(np.sqrt(pixels / KEPT_PIXELS))))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # coding leaves Python to other threads
+        photos = list(pool.map(lambda photo: _shrunk(photo, factor), chosen))
+        pictures = list(pool.map(_kept_picture, photos))
+    return {
+        "top": kept.top,
+        "blended": kept.blend.photos,
+        "falloff": kept.blend.falloff,
+        "sharpness": kept.blend.sharpness,
+        "textures": [each.component(PhotoBlend.kind) is not None for each in asset.textures],
+        "photos": [
+            {
+                "K": photo.camera.K.tolist(),
+                "cam_from_world": photo.camera.cam_from_world.tolist(),
+                "width": photo.camera.width,
+                "height": photo.camera.height,
+                "picture": packer.add_bytes(picture),
+                "mask": None if photo.shown.all() else packer.add(np.packbits(photo.shown)),
+            }
+            for photo, picture in zip(photos, pictures, strict=True)
+        ],
+    }
+
+
+def _kept_picture(photo: KeptPhoto) -> bytes:
+    return encode_avif(continue_smoothly(photo.codes, photo.shown), KEPT_QUALITY)
+
+
+def _shrunk(photo: KeptPhoto, factor: int) -> KeptPhoto:
+    """Return a photo of means of `factor` x `factor` pixels."""
+    import cv2
+
+    if factor == 1:
+        return photo
+    camera = photo.camera.resized(-(-photo.camera.width // factor), -(-photo.camera.height // factor))
+    size = (camera.width, camera.height)
+    codes = cv2.resize(continue_smoothly(photo.codes, photo.shown), size, interpolation=cv2.INTER_AREA)
+    shown = cv2.resize(photo.shown.astype(np.float32), size, interpolation=cv2.INTER_AREA) >= 0.5
+    return KeptPhoto(camera, np.asarray(codes), np.asarray(shown))
+
+
 #: kinds that pages show
 KINDS: dict[str, Callable[[Asset, Packer], dict[str, Any]]] = {
     Reflection.kind: pack_reflection,
     SpiralResiduals.kind: pack_spiral,
+    PhotoBlend.kind: pack_kept,
 }

@@ -14,8 +14,8 @@ from ibrpipe.version import VERSION
 
 #: in the order in which they are joined
 SCRIPTS = (
-    "unpack", "surface", "geometry", "matrices", "shaders", "mirror", "reflection", "spiral", "scene", "programs",
-    "stage", "renderer", "orbit", "flight", "input", "notes", "photos", "compare", "main",
+    "unpack", "surface", "geometry", "matrices", "shaders", "mirror", "reflection", "spiral", "kept", "scene",
+    "programs", "stage", "renderer", "orbit", "flight", "input", "notes", "photos", "compare", "main",
 )  # fmt: skip
 
 

@@ -36,6 +36,9 @@ class Compression(Document):
     joined_texels: int = Field(1, description="Texels along either edge of a texture that have become one")
     bytes_before: int = Field(ge=0, description="Size of the asset as it came")
     psnr_before: float | None = Field(None, description="PSNR of the photos before, dB")
+    psnr_between: float | None = Field(
+        None, description="PSNR that is expected between photos, dB, where the asset keeps photos"
+    )
     views: list[str] = Field(description="Training photos that were measured")
     parts: dict[str, list[PartLevel]] = Field(
         default={}, description="What the levels of every part of the asset weigh and cost, from exact to coarse"

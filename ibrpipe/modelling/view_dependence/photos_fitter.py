@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 from pydantic import Field, ValidationError
 
-from ibrpipe.capture.photo_set import BLENDED, PhotoSet
+from ibrpipe.capture.photo_set import PUBLISHED, PhotoSet
 from ibrpipe.embree import MeshCaster
 from ibrpipe.errors import FormatError
 from ibrpipe.io.components import Component
@@ -16,10 +18,15 @@ from ibrpipe.modelling.view_dependence.residuals_file import ComponentFigures
 from ibrpipe.modelling.view_dependence.work_units import context_of, forget
 from ibrpipe.progress import track
 from ibrpipe.types import Array, Camera
-from ibrpipe.types.kept_photos import LEAST_BLENDED, MOST_BLENDED, KeptPhoto, KeptPhotos, PhotoBlend
+from ibrpipe.types.kept_photos import LEAST_BLENDED, MOST_BLENDED, MOST_SHARP, Blend, KeptPhoto, KeptPhotos, PhotoBlend
 
-#: photos of a place that are tried, and photos that there must be to try them
-TRIED, LEAST = (3, 4, 5, 6), 8
+#: ways to mix photos that are tried, and photos that there must be to try them
+TRIED = tuple(
+    Blend(photos, falloff, sharpness)
+    for photos, falloff in ((3, 0.0), (4, 0.0), (4, 0.75), (6, 0.75), (8, 1.0))
+    for sharpness in (0.0, 0.5, 0.75)
+)
+LEAST = 8
 #: photos that are predicted to choose between them, and pixels of each, at the most
 PREDICTED, PIXELS = 8, 20_000
 #: pixels around what a photo shows of the object that are kept, too: outlines of the asset are not those of the mesh
@@ -35,6 +42,10 @@ class PhotosPlan(PlannedComponent):
 
     blended: int | None = Field(
         None, ge=LEAST_BLENDED, le=MOST_BLENDED, description="Photos that a place asks; absent = chosen by photos"
+    )
+    falloff: float = Field(0.0, ge=0, le=MOST_SHARP, description="With blended: power of angles; 0 = as published")
+    sharpness: float = Field(
+        0.0, ge=0, le=MOST_SHARP, description="With blended: parameter of cubic convolution; 0 = bilinear"
     )
 
 
@@ -55,15 +66,19 @@ class PhotosFitter:
         try:
             context = context_of(job.sources)
             squares = {} if plan.blended else predict(context.photos, context.caster)
-            kept = keep(context.photos, plan.blended or best_of(squares))
+            how = Blend(plan.blended, plan.falloff, plan.sharpness) if plan.blended else best_of(squares)
+            kept = keep(context.photos, how)
         finally:
             forget()
         shared = Component(kind=PhotoBlend.kind, **PhotosFiles().write_shared(kept, job.out, 100))
-        told = {str(most): round(float(-10 * np.log10(max(square, 1e-10))), 3) for most, square in squares.items()}
+        told = [
+            asdict(each) | {"psnr": round(float(-10 * np.log10(max(square, 1e-10))), 3)}
+            for each, square in squares.items()
+        ]
         figures = [
             ComponentFigures(
                 name=job.plans[which].rectangle.name, texture=which, bytes=0, component=Component(kind=PhotoBlend.kind),
-                photos=len(kept.photos), blended=kept.blended, left_out_psnr=told,
+                photos=len(kept.photos), blend=asdict(kept.blend), left_out_psnr=told,
             )
             for which in job.wanted
         ]  # fmt: skip
@@ -80,13 +95,13 @@ def _plan(job: FitJob) -> PhotosPlan:
         raise FormatError(f"photos in the plan: {where}: {first['msg']}; run the plan stage again") from error
 
 
-def keep(photos: PhotoSet, blended: int) -> KeptPhotos:
+def keep(photos: PhotoSet, how: Blend) -> KeptPhotos:
     """Return the photos as an asset keeps them: cut to the object, in bytes, without those that do not show it."""
     shown = [_shown(photos, p) for p in range(len(photos.cameras))]
     seen = [p for p, pixels in enumerate(shown) if pixels.any()]
     brightest = [photos.code[photos.pixels_of(p)][shown[p].ravel()].max(axis=1) for p in seen]
     top = max(1.0, float(np.quantile(np.concatenate(brightest), 1 - CLIPPED)))
-    return KeptPhotos(tuple(_cut(photos, p, shown[p], top) for p in seen), top, blended)
+    return KeptPhotos(tuple(_cut(photos, p, shown[p], top) for p in seen), top, how)
 
 
 def _shown(photos: PhotoSet, p: int) -> Array:
@@ -102,7 +117,7 @@ def _shown(photos: PhotoSet, p: int) -> Array:
 
 def _cut(photos: PhotoSet, p: int, shown: Array, top: float) -> KeptPhoto:
     camera, code = photos.cameras[p], photos.code[photos.pixels_of(p)].reshape(*shown.shape, 3)
-    window = _around(shown.any(axis=1)), _around(shown.any(axis=0))
+    window = _around(np.asarray(shown.any(axis=1))), _around(np.asarray(shown.any(axis=0)))
     codes = np.clip(np.round(np.nan_to_num(code[window]) * (255.0 / top)), 0, 255).astype(np.uint8)
     return KeptPhoto(_moved(camera, window), codes, shown[window])
 
@@ -120,8 +135,8 @@ def _moved(camera: Camera, window: tuple[slice, slice]) -> Camera:
     return Camera(K, camera.cam_from_world, columns.stop - columns.start, rows.stop - rows.start)
 
 
-def predict(photos: PhotoSet, caster: MeshCaster) -> dict[int, float]:
-    """Mean squares, in display code, of photos predicted by so many others; empty where there are too few photos."""
+def predict(photos: PhotoSet, caster: MeshCaster) -> dict[Blend, float]:
+    """Mean squares, in display code, of photos predicted by others, by how; empty where there are too few photos."""
     count = len(photos.cameras)
     if count < LEAST:
         return {}
@@ -130,16 +145,16 @@ def predict(photos: PhotoSet, caster: MeshCaster) -> dict[int, float]:
     for p in track(chosen, "photos predicted by others"):
         others = photos.subset([q for q in range(count) if q != p])
         points, normals, toward, truth = _places(photos, p, caster)
-        for most in TRIED:
-            code, seen = others.blend_codes(points, normals, toward, most)
-            error = (np.minimum(code[seen > 0], 1.0) - np.minimum(truth[seen > 0], 1.0)).astype(np.float64) ** 2
-            squares[most] += float(error.mean()) / len(chosen) if len(error) else 0.0
+        for how in TRIED:
+            code, seen = others.blend_codes(points, normals, toward, how)
+            error = (np.clip(code[seen > 0], 0.0, 1.0) - np.minimum(truth[seen > 0], 1.0)).astype(np.float64) ** 2
+            squares[how] += float(error.mean()) / len(chosen) if len(error) else 0.0
     return squares
 
 
-def best_of(squares: dict[int, float]) -> int:
-    """Number of photos that predicts best; that of gong-yang where nothing was tried."""
-    return min(squares, key=lambda most: squares[most]) if squares else BLENDED
+def best_of(squares: dict[Blend, float]) -> Blend:
+    """How photos are predicted best; as gong-yang mixes them where nothing was tried."""
+    return min(squares, key=lambda how: squares[how]) if squares else PUBLISHED
 
 
 def _places(photos: PhotoSet, p: int, caster: MeshCaster) -> tuple[Array, Array, Array, Array]:

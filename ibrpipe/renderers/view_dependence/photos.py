@@ -17,7 +17,7 @@ from ibrpipe.renderers.scene import Scene
 from ibrpipe.renderers.view_dependence.component import Picture
 from ibrpipe.renderers.view_dependence.mirror import matrix
 from ibrpipe.types import Array, Camera, LayeredDepthImage, Texture
-from ibrpipe.types.kept_photos import KeptPhotos, PhotoBlend
+from ibrpipe.types.kept_photos import Blend, KeptPhotos, PhotoBlend
 
 #: least cosine between normal and photo, and how far depths may differ, pixels: as where diffuse colours are made
 RULES = (0.05, 2.0)
@@ -68,7 +68,7 @@ class PackedPhotos:
     active : (F,) bool, layered images that take their colours from photos
     poses : (F, 4, 4) float64, homogeneous field coordinates from world
     table : (CODES,) float32, linear light of codes
-    most : int, photos of a pixel
+    blend : Blend
     own : bool, whether photos are asked in pictures from their own place
     """
 
@@ -77,7 +77,7 @@ class PackedPhotos:
     active: Array
     poses: Array
     table: Array
-    most: int
+    blend: Blend
     own: bool
 
     @property
@@ -89,11 +89,11 @@ class PackedPhotos:
         """Colour a picture; tell how many pixels asked photos, and how many of them no photo sees."""
         camera = picture.camera
         view = (np.ascontiguousarray(camera.world_from_pixel), camera.center, *picture.places.arrays)
-        counts = np.zeros((len(picture.depth), 2), np.int64)
+        counts, how = np.zeros((len(picture.depth), 2), np.int64), self.blend
         draw_photos(
             (picture.depth, picture.ids, picture.known), picture.color, view,
-            (picture.scene.records[0], self.normals, self.active), self.poses, self._asked(camera), self.most,
-            np.array(RULES), self.table, counts,
+            (picture.scene.records[0], self.normals, self.active), self.poses, self._asked(camera), how.photos,
+            np.array([*RULES, how.falloff, how.sharpness]), self.table, counts,
         )  # fmt: skip
         asked, seen = (int(each) for each in counts.sum(axis=0))
         return {"from_photos": seen, "without_photo": asked - seen}
@@ -156,6 +156,6 @@ def _packed(tables: Tables, scene: Scene) -> PackedPhotos:
         np.array([tables.active[number] for number, _ in fields]),
         np.stack([matrix(image.pose) for _, image in fields]),
         srgb_decode(np.linspace(0.0, kept.top, CODES)).astype(np.float32),
-        kept.blended,
+        kept.blend,
         kept.own,
     )

@@ -14,9 +14,10 @@ NAMES = {"hidden": HIDDEN, "usable": USABLE, "clean": CLEAN}
 COS_MIN, SLACK = 0.05, 2.0
 
 
-def blended(photos, points, normals, directions, cos_min=COS_MIN, slack=SLACK, most=4):
+def blended(photos, points, normals, directions, cos_min=COS_MIN, slack=SLACK, most=4, falloff=0.0, sharpness=0.0):
     color, count = np.empty((len(points), 3), np.float32), np.empty(len(points), np.int32)
-    blend_photos(points, normals, directions, photo_twin.packed(photos), most, cos_min, slack, color, count)
+    rules = np.array([cos_min, slack, falloff, sharpness])
+    blend_photos(points, normals, directions, photo_twin.packed(photos), most, rules, color, count)
     return color, count
 
 
@@ -47,13 +48,19 @@ def test_visibility_as_twin():
     assert min(counts.values()) > 30
 
 
-@pytest.mark.parametrize("most", [2, 3, 4, 6])
-def test_blend_as_twin_whatever_the_threads(most):
+@pytest.mark.parametrize(
+    ("most", "falloff", "sharpness"),
+    [(2, 0, 0), (3, 0, 0), (4, 0, 0), (6, 0, 0), (4, 1, 0), (3, 0.5, 0), (4, 0, 0.5), (6, 1, 0.75)],
+)
+def test_blend_as_twin_whatever_the_threads(most, falloff, sharpness):
     photos = random_photos(9, 3)
     points, normals = random_points(300, 4)
     directions = unit(np.random.default_rng(5).normal((0, 0, 1), 0.5, (300, 3)))
-    color, count = on_all_thread_counts(lambda: blended(photos, points, normals, directions, most=most))
-    wanted = [photo_twin.blend(photos, *row, COS_MIN, SLACK, most) for row in zip(points, normals, directions)]
+    color, count = on_all_thread_counts(
+        lambda: blended(photos, points, normals, directions, most=most, falloff=falloff, sharpness=sharpness)
+    )
+    rules = COS_MIN, SLACK, most, falloff, sharpness
+    wanted = [photo_twin.blend(photos, *row, *rules) for row in zip(points, normals, directions)]
     np.testing.assert_array_equal(count, [used for _, used in wanted])
     assert set(count) == set(range(most + 1))
     np.testing.assert_allclose(color, [value for value, _ in wanted], atol=1e-5)

@@ -13,7 +13,7 @@ from ibrpipe.core.color import srgb_decode
 from ibrpipe.renderers.pixel_grid import PixelGrid
 from ibrpipe.types import Camera
 
-RULES = np.array([0.05, 2.0])
+RULES = np.array([0.05, 2.0, 0.75, 0.5])
 TABLE = srgb_decode(np.linspace(0, 1, 4096)).astype(np.float32)
 CAMERA = Camera.look_at((0.4, -0.6, 2.6), (0, 0, 0), up=(0, 1, 0), fov_y_deg=110, width=16, height=12)
 
@@ -60,12 +60,12 @@ def test_as_twin_whatever_the_threads(most, normal):
         point, toward = CAMERA.center + float(depth[row, column]) * ray, -ray / np.linalg.norm(ray)
         upward = toward if normal is None else np.array(normal) * np.sign(np.dot(normal, toward))
         bytes_seen = [photo_twin.Photo(p.camera, c / 255, p.depth, p.mask) for p, c in zip(photos, codes)]
-        wanted, count = photo_twin.blend(bytes_seen, point, upward, toward, *RULES, most)
+        wanted, count = photo_twin.blend(bytes_seen, point, upward, toward, *RULES[:2], most, *RULES[2:])
         if count == 0:
             assert (color[row, column] == -1).all()
             continue
         seen += 1
-        np.testing.assert_allclose(color[row, column], srgb_decode(wanted), atol=2e-5)
+        np.testing.assert_allclose(color[row, column], srgb_decode(np.clip(wanted, 0, 1)), atol=5e-5)
     assert counts.sum(axis=0).tolist() == [asked, seen]
     assert 50 < seen < asked
 

@@ -147,10 +147,13 @@ def test_unknown_kinds_are_told(caplog: pytest.LogCaptureFixture) -> None:
         def of_samples(self, kept: object) -> Tint:
             raise NotImplementedError
 
+        def predicting(self) -> Tint:
+            raise NotImplementedError
+
     with caplog.at_level(logging.WARNING):
         exporter.make_page(Asset((Texture(ball_layers(), (Tint(),)),)), PageNotes(), "name")
     assert [each.message for each in caplog.records] == [
-        'view dependence of kind "tint" is left out: pages know reflection, spiral'
+        'view dependence of kind "tint" is left out: pages know reflection, spiral, photos'
     ]
 
 

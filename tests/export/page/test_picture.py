@@ -46,7 +46,7 @@ def cameras() -> list[ibrpipe.Camera]:
     return [ibrpipe.Camera.look_at(eye, (0, 0, 0), (0, 1, 0), 45, 200, 150) for eye in eyes]
 
 
-@pytest.mark.parametrize("kind", ["matt", "perspective", "spiral", "gloss", "mirror"])
+@pytest.mark.parametrize("kind", ["matt", "perspective", "spiral", "gloss", "mirror", "photos"])
 def test_it_shows_what_ldi_renders(browser: Chromium, page, kind: str) -> None:
     address, asset = page(kind)
     browser.errors.clear()

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ibrpipe.capture.photo_set import BLENDED
+from ibrpipe.capture.photo_set import PUBLISHED
 from ibrpipe.modelling.view_dependence.photos_fitter import AROUND, TRIED, best_of, bytes_of_photos, keep, predict
+from ibrpipe.types import Blend
 
 
 @pytest.fixture(scope="module")
@@ -16,8 +17,8 @@ def ball(measured):
 
 def test_photos_are_cut_to_what_they_show_and_keep_their_places(ball):
     photos = ball.photos
-    kept = keep(photos, 3)
-    assert kept.blended == 3
+    kept = keep(photos, Blend(3, 1.0))
+    assert kept.blend == Blend(3, 1.0)
     assert len(kept.photos) == len(photos.cameras)
     for p, (photo, camera) in enumerate(zip(kept.photos, photos.cameras, strict=True)):
         shape = (camera.height, camera.width)
@@ -39,7 +40,7 @@ def test_photos_are_cut_to_what_they_show_and_keep_their_places(ball):
 
 
 def test_codes_reach_as_high_as_nearly_all_that_is_seen(ball):
-    top = keep(ball.photos, 4).top
+    top = keep(ball.photos, PUBLISHED).top
     codes = np.concatenate([
         ball.photos.code[ball.photos.pixels_of(p)][np.isfinite(ball.photos.depth[ball.photos.pixels_of(p)])].max(axis=1)
         for p in range(len(ball.photos.cameras))
@@ -53,7 +54,7 @@ def test_as_many_are_blended_as_predict_left_out_photos_best(ball):
     assert tuple(squares) == TRIED
     assert all(0 < square < 0.1 for square in squares.values())
     assert len(set(squares.values())) == len(TRIED)
-    assert best_of({3: 0.2, 4: 0.1, 5: 0.3}) == 4
+    assert best_of({Blend(3): 0.2, Blend(4, 0.5): 0.1, Blend(5): 0.3}) == Blend(4, 0.5)
 
 
 def test_a_photo_does_not_predict_itself(ball):
@@ -66,10 +67,10 @@ def test_a_photo_does_not_predict_itself(ball):
 def test_few_photos_are_blended_as_published(ball):
     few = ball.photos.subset(range(7))
     assert predict(few, ball.caster) == {}
-    assert best_of({}) == BLENDED
+    assert best_of({}) == PUBLISHED
 
 
 def test_bytes_are_foretold_by_pixels_that_show_the_object(ball):
-    kept = keep(ball.photos, 4)
+    kept = keep(ball.photos, PUBLISHED)
     shown = sum(int(photo.shown.sum()) for photo in kept.photos)
     assert bytes_of_photos(ball.photos, 0.5) == pytest.approx(0.5 * shown)

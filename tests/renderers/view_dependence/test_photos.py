@@ -14,7 +14,17 @@ from ibrpipe.errors import RendererError, ShapeError, ValueRangeError
 from ibrpipe.renderers.ldi.renderer import find_hits
 from ibrpipe.renderers.scene import prepare
 from ibrpipe.renderers.view_dependence.photos import RULES
-from ibrpipe.types import Asset, Camera, KeptPhoto, KeptPhotos, LayeredDepthImage, ParallelFrame, PhotoBlend, Texture
+from ibrpipe.types import (
+    Asset,
+    Blend,
+    Camera,
+    KeptPhoto,
+    KeptPhotos,
+    LayeredDepthImage,
+    ParallelFrame,
+    PhotoBlend,
+    Texture,
+)
 
 SIDE = 24
 MIDDLE = (0.5, 0.5, 0.1)
@@ -60,7 +70,7 @@ def asset(photos, parts=(True, True)):
 
 def twin(photos, camera, asked=None):
     """(color (H, W, 3) linear or NaN, hit (H, W)): every pixel on its own, by plain rules."""
-    scene = prepare(layers())
+    scene, how = prepare(layers()), photos.blend
     shown = [
         Photo(p.camera, p.codes * (photos.top / 255), find_hits(scene, p.camera).depth, p.shown.astype(float))
         for n, p in enumerate(photos.photos)
@@ -71,20 +81,25 @@ def twin(photos, camera, asked=None):
     for row, column in zip(*np.nonzero(np.isfinite(depth)), strict=True):
         ray = rays[row, column]
         point, toward = camera.center + depth[row, column] * ray, -ray / np.linalg.norm(ray)
-        code, _ = photo_twin.blend(shown, point, np.array([0.0, 0.0, 1.0]), toward, *RULES, photos.blended)
+        code, _ = photo_twin.blend(
+            shown, point, np.array([0.0, 0.0, 1.0]), toward, *RULES, how.photos, how.falloff, how.sharpness
+        )
         out[row, column] = code
     return out, np.isfinite(depth)
 
 
-@pytest.mark.parametrize(("blended", "top"), [(4, 1.0), (3, 1.6), (2, 1.0)])
-def test_every_pixel_as_its_twin_whatever_the_threads(blended, top):
-    photos = kept(blended=blended, top=top)
+@pytest.mark.parametrize(
+    ("blend", "top"),
+    [(Blend(4), 1.0), (Blend(3), 1.6), (Blend(2), 1.0), (Blend(5, 1.0), 1.0), (Blend(4, 0.75, 0.5), 1.6)],
+)
+def test_every_pixel_as_its_twin_whatever_the_threads(blend, top):
+    photos = kept(blend=blend, top=top)
     prepared = ibrpipe.prepare(asset(photos), "ldi")
     (color,) = on_all_thread_counts(lambda: (ibrpipe.render(prepared, CAMERA).color,))
     wanted, hit = twin(photos, CAMERA)
     seen = hit & np.isfinite(wanted[..., 0])
     assert seen.sum() > 200
-    np.testing.assert_allclose(srgb_encode(color[seen], np.inf), wanted[seen], atol=2e-3)
+    np.testing.assert_allclose(srgb_encode(color[seen], np.inf), np.clip(wanted[seen], 0, top), atol=2e-3)
     unseen = hit & ~seen
     np.testing.assert_allclose(color[unseen], 0.2, atol=1e-6)
 
@@ -116,7 +131,7 @@ def test_only_textures_that_ask_are_changed():
 
 
 def test_a_photo_shows_itself_unless_it_is_to_be_predicted():
-    photos = kept(blended=2)  # the second is only the bar
+    photos = kept(blend=Blend(2))  # the second is only the bar
     first = photos.photos[0]
     shown = ibrpipe.render(asset(photos), first.camera)
     hit = np.isfinite(shown.depth) & first.shown
@@ -193,8 +208,16 @@ def test_what_cannot_be_is_refused():
         KeptPhoto(camera, codes, shown[:, :-1])
     with pytest.raises(ShapeError, match="photos must be 1 to"):
         KeptPhotos(())
-    for figures, words in (({"top": np.nan}, "top is nan"), ({"top": 0.5}, "top"), ({"blended": 1}, "blended is 1")):
+    for figures, words in (({"top": np.nan}, "top is nan"), ({"top": 0.5}, "top is 0.5")):
         with pytest.raises(ValueRangeError, match=words):
             KeptPhotos((good,), **figures)
+    for figures, words in (
+        ((1,), "1 photos are blended"),
+        ((9,), "9"),
+        ((4, -1), "falloff"),
+        ((4, 0, np.nan), "sharp"),
+    ):
+        with pytest.raises(ValueRangeError, match=words):
+            Blend(*figures)
     assert "7 photos" in repr(kept())
     assert KeptPhotos((good,)).bytes == codes.nbytes + shown.nbytes

@@ -9,17 +9,18 @@ class Renderer {
     this.gl = gl;
     this.scene = scene;
     gl.getExtension("EXT_color_buffer_float");
-    this.program = buildProgram(gl, VERTEX_SHADER, fragmentShader(scene));
-    this.uniforms = listUniforms(gl, this.program);
+    this.shader = buildShader(gl, scene);
     this.units = new Map();
     this.uploadSamples();
     if (scene.reflection) this.uploadReflection(scene.reflection);
     if (scene.spiral) this.uploadSpiral(scene.spiral);
+    if (scene.kept) uploadKept(this, scene.kept);
     this.meshes = scene.surfaces.map((surface) => ({
       surface,
       fieldFromWorld: invert(surface.world),
       array: this.patchArray(surface.patchData),
     }));
+    if (scene.kept) drawKeptDepths(this, scene.kept);
   }
 
   // Bind a new texture to a unit of its own; its uniform is set when drawing.
@@ -93,11 +94,11 @@ class Renderer {
 
   // Vertex array of patches: one instance a patch.
   patchArray(data) {
-    const { gl, program } = this, array = gl.createVertexArray();
+    const { gl } = this, array = gl.createVertexArray();
     gl.bindVertexArray(array);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
-    const [cell, depths, corners] = ["cell", "depths", "corners"].map((name) => gl.getAttribLocation(program, name));
+    const [cell, depths, corners] = [0, 1, 2]; // as the vertex shader places them
     gl.vertexAttribPointer(cell, 2, gl.UNSIGNED_SHORT, false, PATCH_BYTES, 0);
     gl.vertexAttribPointer(depths, 4, gl.FLOAT, false, PATCH_BYTES, 4);
     gl.vertexAttribIPointer(corners, 4, gl.INT, PATCH_BYTES, 20);
@@ -124,17 +125,27 @@ class Renderer {
     this.stage?.draw(camera, clip, eye, range, { mode, show, ratio });
   }
 
-  drawSurfaces(camera, clip, eye, range, { turned, mode, dependent }) {
-    const { gl, uniforms, scene } = this, toPixel = worldFromPixel(camera, turned);
+  // Draw depths along the camera's z, row 0 first, into the bound framebuffer, which is clear.
+  drawDepths(camera, shader) {
+    const { gl, scene } = this, eye = cameraCenter(camera);
+    const range = depthRange(Math.hypot(...subtract(eye, scene.centre)), 1.01 * scene.radius);
+    gl.enable(gl.DEPTH_TEST);
+    gl.depthFunc(gl.LESS);
+    const clip = clipFromWorld(camera, ...range, true);
+    this.drawSurfaces(camera, clip, eye, range, { turned: true, mode: RAW_DEPTH, dependent: false }, shader);
+  }
+
+  drawSurfaces(camera, clip, eye, range, { turned, mode, dependent }, { program, uniforms } = this.shader) {
+    const { gl, scene } = this, toPixel = worldFromPixel(camera, turned);
     if (!this.meshes.length) return;
-    gl.useProgram(this.program);
+    gl.useProgram(program);
     for (const [name, unit] of this.units) gl.uniform1i(uniforms[name], unit);
     gl.uniform3f(uniforms.eye, ...eye);
     gl.uniform2f(uniforms.pixel, 2 / camera.width, 2 / camera.height);
-    gl.uniform1i(uniforms.mode, MODES.indexOf(mode));
+    gl.uniform1i(uniforms.mode, mode === RAW_DEPTH ? mode : MODES.indexOf(mode));
     gl.uniform1i(uniforms.dependent, dependent);
     gl.uniform2f(uniforms.depthRange, ...range);
-    this.setComponents();
+    this.setComponents(uniforms);
     for (const [number, mesh] of this.meshes.entries()) {
       const matrix = multiply(clip, mesh.surface.world);
       gl.uniformMatrix4fv(uniforms.clipFromField, true, matrix);
@@ -143,6 +154,7 @@ class Renderer {
       gl.uniform4f(uniforms.weightOfField, ...mesh.surface.world.slice(12));
       gl.uniformMatrix4fv(uniforms.fieldFromPixel, true, multiply(mesh.fieldFromWorld, toPixel));
       gl.uniform1i(uniforms.mirrors, scene.mirrors(number));
+      gl.uniform1i(uniforms.asksPhotos, scene.kept?.textures[number] ?? false);
       // which way round fronts are drawn depends on the handedness of the mapping
       gl.uniform1f(uniforms.facing, Math.sign(determinant(matrix)));
       gl.bindVertexArray(mesh.array);
@@ -151,8 +163,8 @@ class Renderer {
     gl.bindVertexArray(null);
   }
 
-  setComponents() {
-    const { gl, uniforms, scene: { reflection, spiral } } = this;
+  setComponents(uniforms) {
+    const { gl, scene: { reflection, spiral, kept } } = this;
     if (reflection) {
       gl.uniform1i(uniforms.tableCount, reflection.tables.count);
       gl.uniform2f(uniforms.reflectance, reflection.reflectance[0], reflection.reflectance[1] ?? 0);
@@ -161,6 +173,13 @@ class Renderer {
       gl.uniform1f(uniforms.texel, reflection.mirror.texel);
     }
     if (spiral) gl.uniform1i(uniforms.spiralCount, spiral.count);
+    if (kept) {
+      gl.uniform1i(uniforms.keptCount, kept.photos.length);
+      gl.uniform1i(uniforms.keptBlended, kept.blended);
+      gl.uniform1f(uniforms.keptTop, kept.top);
+      gl.uniform1f(uniforms.keptFalloff, kept.falloff);
+      gl.uniform1f(uniforms.keptSharpness, kept.sharpness);
+    }
   }
 
   // Picture of a camera with one ray a pixel: {width, height, rgba}, rows from the top.
@@ -193,12 +212,23 @@ function depthRange(toCentre, radius, least = 1e-3) {
   return [Math.max(toCentre - radius, far * least), far];
 }
 
+const CALLS = {
+  reflection: "light = addReflection(light, position, n, weights);",
+  spiral: "light = addResiduals(light, position);",
+  photos: "light = fromPhotos(light, position, n);",
+};
+
+// A program for surfaces, and the places of its uniforms.
+function buildShader(gl, scene) {
+  const program = buildProgram(gl, VERTEX_SHADER, fragmentShader(scene));
+  return { program, uniforms: listUniforms(gl, program) };
+}
+
 // The fragment shader with those components that the scene has, in its order.
-function fragmentShader({ reflection, spiral, kinds }) {
-  const calls = kinds.map((kind) =>
-    kind === "reflection" ? "light = addReflection(light, position, n, weights);" : "light = addResiduals(light, position);");
+function fragmentShader({ reflection, spiral, kept, kinds }) {
+  const calls = kinds.map((kind) => CALLS[kind]);
   const change = `vec3 changeWithView(vec3 light, vec3 position, vec3 n, vec2 weights) { ${calls.join(" ")} return light; }`;
-  const parts = [reflection ? REFLECTION_SHADER : "", spiral ? SPIRAL_SHADER : "", change];
+  const parts = [reflection ? REFLECTION_SHADER : "", spiral ? SPIRAL_SHADER : "", kept ? KEPT_SHADER : "", change];
   return FRAGMENT_HEAD + parts.join("") + FRAGMENT_MAIN;
 }
 

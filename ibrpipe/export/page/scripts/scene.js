@@ -43,6 +43,7 @@ async function unpackScene(meta, text) {
       count: spiral.textures.length,
     };
   }
+  if (meta.components.photos) scene.kept = await unpackKept(bytes, meta.components.photos);
   return scene;
 }
 

@@ -6,9 +6,9 @@ uniform mat4 clipFromField;
 uniform vec4 weightOfField; // of homogeneous world coordinates
 uniform float facing; // sign of the screen area of fronts
 uniform vec2 pixel; // width and height of a pixel
-in vec2 cell;
-in vec4 depths;
-in ivec4 corners;
+layout(location = 0) in vec2 cell;
+layout(location = 1) in vec4 depths;
+layout(location = 2) in ivec4 corners;
 flat out float cameraDepth;
 flat out vec2 origin;
 flat out vec4 heights;
@@ -52,7 +52,7 @@ flat in ivec4 sampleOf;
 out vec4 result;
 uniform sampler2D colors, traits; // of samples: sRGB and share filled; octahedral normal, weights of tables
 uniform vec3 eye;
-uniform int mode; // 0 colour, 1 depth, 2 normals, 3 resolution
+uniform int mode; // 0 colour, 1 depth, 2 normals, 3 resolution, 5 depth along z as a number
 uniform bool dependent;
 uniform vec2 depthRange;
 uniform mat4 clipFromField, worldFromField, fieldFromPixel;
@@ -122,10 +122,11 @@ void main() {
     mixed += weight[c] * vec4(1.0, color.a, trait.zw);
   }
   vec3 position = world.xyz / world.w;
-  result = vec4(0.0);
+  result = mode == 5 ? vec4(clip.w / world.w, 0.0, 0.0, 1.0) : vec4(0.0);
   if (mixed.y <= 0.0) return; // no photo saw it: it hides what is behind, but has no colour
   if (mixed.y < 0.5 * mixed.x) discard; // rims: the surface ends where half of the texel is filled
   light /= mixed.y;
+  if (mode == 5) return;
   if (mode == 1) {
     float t = clamp((length(position - eye) - depthRange.x) / (depthRange.y - depthRange.x), 0.0, 1.0);
     result = vec4(vec3(1.0 - 0.85 * t), 1.0);
