@@ -3,11 +3,12 @@
 
 const FAR = 1e30; // depth where a photo meets nothing
 const RAW_DEPTH = 5; // the mode that draws depths as numbers
+const CANDIDATES = 24; // photos that a frame asks at most: those nearest by angle, as seen from the object's middle
 
 const KEPT_SHADER = `
 uniform sampler2D keptRows; // a row a photo: pixel from world (3); centre, focal length; width, height
 uniform sampler2DArray keptColors, keptDepths, keptMasks;
-uniform int keptCount, keptBlended;
+uniform int keptCount, keptBlended, keptOrder[${CANDIDATES}];
 uniform float keptFalloff, keptSharpness;
 uniform float keptTop; // display code of 1
 uniform bool asksPhotos;
@@ -71,7 +72,8 @@ vec3 fromPhotos(vec3 light, vec3 position, vec3 n) {
   for (int round_ = 0; round_ < keptCount && found < keptBlended; round_++) {
     int best = -1;
     float most = -2.0;
-    for (int photo = 0; photo < keptCount; photo++) {
+    for (int k = 0; k < keptCount; k++) {
+      int photo = keptOrder[k];
       float angle = dot(toward, normalize(texelFetch(keptRows, ivec2(3, photo), 0).xyz - position));
       if (angle < below && angle > most) { most = angle; best = photo; }
     }
@@ -117,6 +119,13 @@ function keptRows(photos) {
 }
 
 const homogeneous = (K) => [...K.flatMap((row) => [...row, 0]), 0, 0, 0, 1];
+
+// Numbers of the photos that a frame from `eye` may ask.
+function nearestKept({ photos }, centre, eye) {
+  const toward = unit(subtract(eye, centre));
+  const near = photos.map((photo, number) => [dot(toward, unit(subtract(cameraCenter(photo), centre))), number]);
+  return near.sort((one, other) => other[0] - one[0]).slice(0, CANDIDATES).map(([, number]) => number);
+}
 
 // Bytes (H * W) of a photo's mask, 255 = shows the object.
 function keptMask({ width, height, shown }) {

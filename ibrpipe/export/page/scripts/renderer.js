@@ -145,7 +145,7 @@ class Renderer {
     gl.uniform1i(uniforms.mode, mode === RAW_DEPTH ? mode : MODES.indexOf(mode));
     gl.uniform1i(uniforms.dependent, dependent);
     gl.uniform2f(uniforms.depthRange, ...range);
-    this.setComponents(uniforms);
+    this.setComponents(uniforms, eye);
     for (const [number, mesh] of this.meshes.entries()) {
       const matrix = multiply(clip, mesh.surface.world);
       gl.uniformMatrix4fv(uniforms.clipFromField, true, matrix);
@@ -163,8 +163,8 @@ class Renderer {
     gl.bindVertexArray(null);
   }
 
-  setComponents(uniforms) {
-    const { gl, scene: { reflection, spiral, kept } } = this;
+  setComponents(uniforms, eye) {
+    const { gl, scene: { reflection, spiral, kept, centre } } = this;
     if (reflection) {
       gl.uniform1i(uniforms.tableCount, reflection.tables.count);
       gl.uniform2f(uniforms.reflectance, reflection.reflectance[0], reflection.reflectance[1] ?? 0);
@@ -174,7 +174,9 @@ class Renderer {
     }
     if (spiral) gl.uniform1i(uniforms.spiralCount, spiral.count);
     if (kept) {
-      gl.uniform1i(uniforms.keptCount, kept.photos.length);
+      const order = nearestKept(kept, centre, eye);
+      gl.uniform1iv(uniforms["keptOrder[0]"], order);
+      gl.uniform1i(uniforms.keptCount, order.length);
       gl.uniform1i(uniforms.keptBlended, kept.blended);
       gl.uniform1f(uniforms.keptTop, kept.top);
       gl.uniform1f(uniforms.keptFalloff, kept.falloff);
