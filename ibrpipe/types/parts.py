@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
 from ibrpipe.errors import ShapeError, ValueRangeError
 from ibrpipe.types.arrays import Array, check_color, contiguous
-from ibrpipe.types.asset import Asset
 from ibrpipe.types.mesh import Mesh
-from ibrpipe.types.renderable import Renderable
-
-#: captured things that a part may hold beside its meshes
-Captured: TypeAlias = Renderable | Asset
+from ibrpipe.types.renderable import Captured
 
 
 @dataclass(frozen=True, eq=False)

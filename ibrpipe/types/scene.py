@@ -14,7 +14,7 @@ from ibrpipe.types.arrays import Array
 from ibrpipe.types.lighting import Lighting
 from ibrpipe.types.mesh import Mesh
 from ibrpipe.types.parts import Instances, PaintedMesh, Part
-from ibrpipe.types.source_points import enclosing_points
+from ibrpipe.types.renderable import enclosing_points
 
 
 @dataclass(frozen=True, eq=False)

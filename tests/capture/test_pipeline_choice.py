@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from ibrpipe.capture.pipeline_choice import choose_pipeline
 from ibrpipe.cli.main import cli
 from ibrpipe.errors import MissingFileError
+from ibrpipe.io.untrusted.inside import shortened
 
 
 @pytest.fixture
@@ -80,5 +81,6 @@ def test_a_wrong_capture_leaves_no_run_folder(tmp_path: Path, wrong: str, line: 
     out = tmp_path / "out"
     result = CliRunner().invoke(cli, ["run", "mesh", "--capture", str(tmp_path / wrong), "--out", str(out)])
     assert result.exit_code == 1
-    assert line.format(tmp_path / wrong) in result.stderr
+    named = str(tmp_path / wrong)
+    assert any(line.format(told) in result.stderr for told in (named, shortened(named)))  # long paths are cut short
     assert not out.exists()

@@ -116,7 +116,7 @@ def test_a_kind_that_cannot_share_says_so(tmp_path):
 def test_the_same_kind_may_be_registered_twice_but_not_another_of_its_name():
     register(CODED)
     register(CODED)
-    assert known_kinds() == ("spiral", "reflection", "coded")
+    assert known_kinds() == ("spiral", "reflection", "photos", "coded")
     with pytest.raises(ConfigError, match="'coded' already"):
         register(ComponentKind("coded", "", Lonely, object))
 
@@ -157,7 +157,7 @@ def test_other_packages_bring_kinds_by_entry_points(monkeypatch, value, told):
     for cached in (components._foreign, components._from_package):
         cached.cache_clear()
     try:
-        assert known_kinds() == ("spiral", "reflection", "coded")
+        assert known_kinds() == ("spiral", "reflection", "photos", "coded")
         if told is None:
             assert find_kind("coded") is CODED or find_kind("coded").name == "coded"
         else:

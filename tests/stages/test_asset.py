@@ -26,7 +26,7 @@ def made(measured, tmp_path_factory):
     views, mesh = source / "views.json", source / "mesh.ply"
     for name in ("plan", "layers", "residuals", "asset"):
         (folder / name).mkdir()
-    config = plan.PlanConfig(samples=2000, texel=0.12, k=1 / 4)
+    config = plan.PlanConfig(samples=2000, texel=0.12, k=1 / 4, directions="spiral")
     plan.run(plan.Inputs(views, mesh, 0, folder / "plan"), config)
     planned = folder / "plan" / "plan.json"
     layers.run(layers.Inputs(views, mesh, planned, folder / "layers"), layers.LayersConfig())

@@ -9,7 +9,7 @@ import ibrpipe
 from ibrpipe.errors import ShapeError, ValueRangeError
 from ibrpipe.types import Instances, Light, Lighting, Mesh, PaintedMesh, Part, ReliefTexture, Scene
 from ibrpipe.types.camera import Camera, ParallelFrame
-from ibrpipe.types.source_points import enclosing_points
+from ibrpipe.types.renderable import enclosing_points
 from ibrpipe.types.textures import DepthImage
 
 

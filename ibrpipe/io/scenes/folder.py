@@ -20,7 +20,7 @@ from ibrpipe.io.untrusted.inside import leads_inside
 from ibrpipe.io.yaml_settings import Key, Settings, parse, validated
 from ibrpipe.types import Array, Instances, Light, Lighting, PaintedMesh, Part, ReliefTexture, Scene
 from ibrpipe.types.camera import ParallelFrame
-from ibrpipe.types.parts import Captured
+from ibrpipe.types.renderable import Captured
 
 #: the document of a scene folder
 NAME = "scene.yaml"

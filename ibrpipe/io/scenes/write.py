@@ -19,7 +19,7 @@ from ibrpipe.io.photos.images import write_exr
 from ibrpipe.io.scenes.folder import NAME, matrix_rows, read_document
 from ibrpipe.io.scenes.painted import write_painted
 from ibrpipe.types import Asset, Instances, LayeredDepthImage, Part, ReliefTexture, Scene, Texture
-from ibrpipe.types.parts import Captured
+from ibrpipe.types.renderable import Captured
 from ibrpipe.version import VERSION
 
 #: what `write_scene` calls its files and folders; others in scene.yaml were put there by hand

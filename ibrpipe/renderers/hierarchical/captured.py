@@ -13,10 +13,9 @@ from ibrpipe.renderers.api import Prepared, prepare, render
 from ibrpipe.renderers.composite import composite
 from ibrpipe.renderers.registry import find_renderer
 from ibrpipe.types import Array, Asset, Camera, Frame, Part, Scene
-from ibrpipe.types.parts import Captured
 from ibrpipe.types.relief_mesh import ReliefMesh
+from ibrpipe.types.renderable import Captured, enclosing_points
 from ibrpipe.types.scene import Bounds
-from ibrpipe.types.source_points import enclosing_points
 
 #: how far a matrix may be from a turn and one scale
 _SLACK = 1e-6

@@ -127,7 +127,8 @@ def test_without_its_module_the_asset_is_refused_in_one_line(tint, tmp_path, mon
     written(tmp_path / "asset", Texture(layers(), (tint.Tint(0.5),)))
     monkeypatch.delitem(components._known, "tint")
     with pytest.raises(
-        ibrpipe.IbrError, match=r"asset\.json: texture texture_00.*'tint'.*only: spiral, reflection; use a newer"
+        ibrpipe.IbrError,
+        match=r"asset\.json: texture texture_00.*'tint'.*: spiral, reflection, photos; use a newer",
     ) as told:
         ibrpipe.read_asset(tmp_path / "asset")
     assert "\n" not in str(told.value)
@@ -170,5 +171,5 @@ def test_a_pipeline_file_asks_for_it(tint):
         PlanConfig.model_validate({"components": asked["components"] * 2})
     with pytest.raises(ValueError, match="'spiral' is planned already; name each once, the spiral by residuals"):
         PlanConfig.model_validate({"components": [{"kind": "spiral"}]})
-    with pytest.raises(ValueError, match="kind 'neural' is known, only: spiral, reflection, tint"):
+    with pytest.raises(ValueError, match="kind 'neural' is known, only: spiral, reflection, photos, tint"):
         PlanConfig.model_validate({"components": [{"kind": "neural"}]})
